@@ -4,8 +4,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from texbake.raycast.hemispheres import DEPTH, N_COLUMNS, OPEN, OPEN_DIRECTION
-from texbake.raycast.rays import NO_HIT, RayHits
+from texbake.raycast.rays import DEPTH, N_COLUMNS, NO_HIT, OPEN, OPEN_DIRECTION, RayHits
 
 MAX_BACK_FACES = 64  # back faces that a ray passes through before it counts as a miss
 FARTHEST = np.finfo(np.float32).max

@@ -11,7 +11,7 @@ from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.hemispheres import (
+from texbake.raycast.rays import (
     DEPTH,
     N_COLUMNS,
     OPEN,

@@ -33,9 +33,8 @@ from texbake.mesh.tangents import corner_tangents
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.mesh.wrapping import remesh_with_few_tunnels
-from texbake.raycast.hemispheres import Hemispheres, OcclusionRange, direction_sets
 from texbake.raycast.orientation import oriented
-from texbake.raycast.rays import Rays
+from texbake.raycast.rays import Hemispheres, OcclusionRange, Rays, direction_sets
 from texbake.raycast.scene import RayScene
 
 MAPS = ("normal", "normal", "displacement", *(n for n in MAP_NAMES if n not in MATERIAL_MAPS))

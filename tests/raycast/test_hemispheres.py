@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.raycast.hemispheres import (
+from texbake.raycast.rays import (
     concentric_disk,
     direction_sets,
     scrambled_nets,

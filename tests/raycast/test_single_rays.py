@@ -14,8 +14,8 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.hemispheres import DEPTH, OPEN, Hemispheres, OcclusionRange
 from texbake.raycast.morton_tree import MortonTree
+from texbake.raycast.rays import DEPTH, OPEN, Hemispheres, OcclusionRange
 from texbake.raycast.scene import RayScene
 
 

@@ -100,7 +100,15 @@ def _normals(baked: BakedMap, bits: int) -> EncodedMap:
 
 
 def _lengths(baked: BakedMap, bits: int) -> EncodedMap:
-    mid, scale = _height_levels(baked, bits)
+    options = baked.options
+    mid, scale = options.mid, options.scale
+    if bits == FLOAT:
+        mid, scale = mid or 0.0, 1.0 if scale is None else scale
+    elif mid is None or scale is None:
+        mid, measured = height_range(
+            baked.values, baked.has_data, bits=bits, mid=mid, threads=options.threads
+        )
+        scale = measured if scale is None else scale
     pixels = encode_heights(
         baked.values, bits=bits, mid=mid, scale=scale, threads=baked.options.threads
     )
@@ -113,20 +121,6 @@ def _lengths(baked: BakedMap, bits: int) -> EncodedMap:
             baked.values, baked.has_data, mid=mid, scale=scale, threads=baked.options.threads
         )
     return EncodedMap(pixels, metadata, n_clipped)
-
-
-def _height_levels(baked: BakedMap, bits: int) -> tuple[float, float]:
-    """Mid level and scale of a file: those that are given, and the rest measured."""
-    options = baked.options
-    mid, scale = options.mid, options.scale
-    if bits == FLOAT:
-        return mid or 0.0, 1.0 if scale is None else scale
-    if mid is None or scale is None:
-        measured = height_range(
-            baked.values, baked.has_data, bits=bits, mid=mid, threads=options.threads
-        )
-        return measured[0], measured[1] if scale is None else scale
-    return mid, scale
 
 
 def _positions(baked: BakedMap, bits: int) -> EncodedMap:

@@ -37,7 +37,7 @@ class Hits(Rows):
     # miss.
     offsets: Float32Array
     # (n, S) float32; what rays from the point hit have met, where a map needs it; 0 for a miss. The
-    # columns are those of `texbake.raycast.hemispheres`, lengths in model units.
+    # columns are those of `texbake.raycast.rays`, lengths in model units.
     secondary: Float32Array | None = None
 
     @classmethod

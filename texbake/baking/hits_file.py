@@ -28,8 +28,7 @@ from texbake.mesh.compose import used_rows
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.raycast.hemispheres import N_COLUMNS
-from texbake.raycast.rays import NO_HIT
+from texbake.raycast.rays import N_COLUMNS, NO_HIT
 from texbake.texture.lookup import WRAPS
 
 if TYPE_CHECKING:

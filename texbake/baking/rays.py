@@ -128,8 +128,6 @@ class RayField:
         self.back = float(frame.length_to_local(back))
         self.positions = frozen(frame.to_local(low.positions))
         self.faces = low.faces
-        if cage is not None:
-            cage = checked_cage(cage, low)
         self.starts = None if cage is None else frozen(frame.to_local(cage.positions))
         normals, corners = ray_normals(low, kind)
         self.normals, self.normal_faces = frozen(normals), frozen(corners)

@@ -185,24 +185,18 @@ class BakeReport:
             measured = f" (the most allowed, on {counted(counts.faces_limited, 'triangle')})"
         low, *_, high = self.distance_percentiles.values() or (0.0, 0.0)
         median = self.distance_percentiles.get(50, 0.0)
-        return [
-            ("meshes", f"{counted(self.n_high_faces, 'triangle')} onto {self.n_low_faces:,}"),
-            *([("objects", self.objects)] if self.n_objects else []),
-            (
-                "size",
-                f"{self.options.width_px} x {self.options.height_px}, {self._samples()}",
-            ),
+        rows = [("meshes", f"{counted(self.n_high_faces, 'triangle')} onto {self.n_low_faces:,}")]
+        if self.n_objects:
+            rows.append(("objects", self.objects))
+        size = f"{self.options.width_px} x {self.options.height_px}"
+        rows += [
+            ("size", f"{size}, {self._samples()}"),
             ("distances", f"front {front}, back {self.back:.6g}{measured}"),
-            *(
-                [
-                    (
-                        "at each vertex",
-                        "median front {:.4g}, back {:.4g}".format(*self.median_reach),
-                    )
-                ]
-                if self.median_reach is not None
-                else []
-            ),
+        ]
+        if self.median_reach is not None:
+            medians = "median front {:.4g}, back {:.4g}".format(*self.median_reach)
+            rows.append(("at each vertex", medians))
+        rows += [
             ("texels covered", f"{self.texels_covered:,} of {self.texels:,}"),
             ("texels missed", f"{self.texels_missed:,} ({self.miss_percent:.3f} %)"),
             (
@@ -210,30 +204,23 @@ class BakeReport:
                 f"{counts.rays_cast:,} cast, {counts.rays_missed:,} missed, "
                 f"{counts.rays_past_back_faces:,} past back faces",
             ),
-            *(
-                [("longer rays", f"{counts.rays_lengthened:,}, where those of the vertices missed")]
-                if counts.rays_lengthened
-                else []
-            ),
-            *(
-                [("closest points", f"{counts.rays_to_closest:,} for rays that missed")]
-                if self.options.on_miss == "closest"
-                else []
-            ),
-            *(
-                [("secondary rays", f"{counts.secondary_rays:,}{self._denoised()}")]
-                if counts.secondary_rays
-                else []
-            ),
-            (
-                "overlap, outside",
-                f"{counted(round(self.texels_overlapping), 'texel')}, "
-                + counted(counts.faces_outside_tile, "triangle"),
-            ),
-            ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
-            *(() if self.budget is None else self.budget.table()),
-            *(() if self.sampling is None else self.sampling.table()),
         ]
+        if counts.rays_lengthened:
+            longer = f"{counts.rays_lengthened:,}, where those of the vertices missed"
+            rows.append(("longer rays", longer))
+        if self.options.on_miss == "closest":
+            rows.append(("closest points", f"{counts.rays_to_closest:,} for rays that missed"))
+        if counts.secondary_rays:
+            rows.append(("secondary rays", f"{counts.secondary_rays:,}{self._denoised()}"))
+        overlap = counted(round(self.texels_overlapping), "texel")
+        outside = counted(counts.faces_outside_tile, "triangle")
+        rows += [
+            ("overlap, outside", f"{overlap}, {outside}"),
+            ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
+        ]
+        for part in (self.budget, self.sampling):
+            rows += [] if part is None else part.table()
+        return rows
 
     def _samples(self) -> str:
         """Describe the samples that were cast, which a time budget may have chosen."""

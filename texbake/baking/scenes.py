@@ -68,12 +68,8 @@ class BakeScenes:
     """What the rays of a bake are cast into, all in one frame, and what is measured with it.
 
     `low`: the low-poly mesh, whatever part of its texture is baked; `n_points`: points of it at
-    which distances are measured.
-
-    Attributes
-    ----------
-    occluders : RayScene, optional
-        What secondary rays hit, if that is not just the high-poly mesh.
+    which distances are measured; `occluders`: what secondary rays hit, if that is not just the
+    high-poly mesh.
     """
 
     def __init__(

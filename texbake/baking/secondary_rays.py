@@ -21,7 +21,7 @@ from texbake.core import core
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.parallel import run_bands
-from texbake.raycast.hemispheres import (
+from texbake.raycast.rays import (
     DEPTH,
     N_COLUMNS,
     OPEN,

@@ -47,19 +47,13 @@ _MODES = {"mean": 0, "unit mean": 1, "first": 2}
 
 
 class TexelSums:
-    """Adds up the samples of each texel, for several maps at once.
-
-    Attributes
-    ----------
-    n_hits : (height * width,) uint8
-        Number of samples of each texel that hit.
-    """
+    """Adds up the samples of each texel, for several maps at once."""
 
     def __init__(self, kinds: list[MapKind], inputs: BakeInputs) -> None:
         n_texels = inputs.options.width_px * inputs.options.height_px
         self._inputs = inputs
         self._sums = {kind: np.zeros((n_texels, kind.channels), dtype=np.float32) for kind in kinds}
-        self.n_hits = np.zeros(n_texels, dtype=np.uint8)
+        self.n_hits = np.zeros(n_texels, dtype=np.uint8)  # samples of each texel that hit
         # Number of samples of each texel, hits and misses, if a map counts misses.
         self._n_samples = None
         if any(kind.of_misses for kind in kinds):
@@ -150,13 +144,6 @@ class ChartPadding:
     The nearest texels are found once for all of them.
 
     `texel_charts` (H, W) int32; `has_data` (H, W) bool: texels with a hit.
-
-    Attributes
-    ----------
-    n_missed : int
-        Covered texels without a hit.
-    n_meeting : int
-        Texels where the padding of two charts meets.
     """
 
     def __init__(
@@ -167,14 +154,14 @@ class ChartPadding:
     ) -> None:
         missed = (texel_charts >= 0) & ~has_data
         self._missed = np.flatnonzero(missed)
-        self.n_missed = len(self._missed)
+        self.n_missed = len(self._missed)  # covered texels without a hit
         self._options = options
         self._has_data = has_data
         self._valid = has_data
         # Texels of the padding, and the texel from which each one takes its value.
         self._targets: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
         self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
-        self.n_meeting = 0
+        self.n_meeting = 0  # texels where the padding of two charts meets
         if options.padding > 0:
             sources = np.where(missed, np.int32(NO_FACE), texel_charts)
             owners = nearest_owner(sources, options.padding, threads=options.threads)

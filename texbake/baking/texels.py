@@ -12,7 +12,7 @@ Kernel: `core/pineda.c`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -258,30 +258,27 @@ def owned_bands(
     stages: Stages,
     *,
     name: str = "bake",
-    rows: Sequence[range] | None = None,
     samples_at_once: int = 1 << 20,
     edit: Callable[[IntArray, range], None] | None = None,
     threads: int | None = None,
 ) -> Iterator[TexelBand]:
     """Yield the texels that a mesh owns, band by band from the top down, shown as a stage.
 
-    `rows`: ranges of rows of texels.
+    `edit` may change the owners of the samples of some rows, in place, before they are listed.
     """
-    rows = [range(grid.height)] if rows is None else rows
     least = TILE // grid.per_side
     step = max(samples_at_once // (grid.n_columns * grid.per_side) // least, 1) * least
-    n_texels = sum(map(len, rows)) * grid.width
+    n_texels = grid.height * grid.width
     with stages.stage(name, total=n_texels, unit="texels", recorded=False) as advance:
-        for some in rows:
-            for first in range(some.start, some.stop, step):
-                here = range(first, min(first + step, some.stop))
-                with stages.part("rasterize"):
-                    owners, n_overlaps = rasterize_uv(faces, grid, here, threads=threads)
-                    if edit is not None:
-                        edit(owners, here)
-                    samples = owned_samples(owners, faces, grid, first, threads=threads)
-                yield TexelBand(here, grid.width, owners, samples, n_overlaps)
-                advance(len(here) * grid.width)
+        for first in range(0, grid.height, step):
+            here = range(first, min(first + step, grid.height))
+            with stages.part("rasterize"):
+                owners, n_overlaps = rasterize_uv(faces, grid, here, threads=threads)
+                if edit is not None:
+                    edit(owners, here)
+                samples = owned_samples(owners, faces, grid, first, threads=threads)
+            yield TexelBand(here, grid.width, owners, samples, n_overlaps)
+            advance(len(here) * grid.width)
 
 
 def texel_charts_of(face_charts: IntArray, texel_faces: IntArray, threads: int | None) -> IntArray:

@@ -112,29 +112,20 @@ _SAMPLES_PER_BAND = 1 << 14
 
 
 class Trace:
-    """Casts the rays of a bake, with all ray distances measured.
-
-    Attributes
-    ----------
-    counts : TraceCounts
-    front, back : float or None
-        How far rays go in front of and behind the low-poly surface, in model units; measured if not
-        given. The front stays None with a cage.
-    median_reach : (float, float) or None
-        Front and back at the median vertex, where each vertex has its own.
-    texel_faces : (H, W) int32
-        Face of the low-poly mesh that owns the texel (its first owned sample), `NO_FACE` for none.
-    """
+    """Casts the rays of a bake, with all ray distances measured."""
 
     def __init__(self, setup: BakeSetup) -> None:
         self.setup, self.counts = setup, TraceCounts()
         self.low, self.options = setup.inputs.low, setup.inputs.options
         self.stages, self.cage = setup.stages, setup.cage
         self.scenes = setup.scenes or setup.build_scenes()
-        # A cage has a front distance of its own at each vertex.
+        # How far rays go in front of and behind the low-poly surface, in model units; measured if
+        # not given. A cage has a front distance of its own at each vertex.
         self.front = self.options.front if self.cage is None else None
         self.back = self.options.back
+        # Front and back at the median vertex, where each vertex has its own.
         self.median_reach: tuple[float, float] | None = None
+        # Face that owns the first sample of each texel, `NO_FACE` for none.
         self.texel_faces: IntArray = np.full(
             (self.options.height_px, self.options.width_px), NO_FACE, dtype=np.int32
         )

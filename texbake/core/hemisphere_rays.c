@@ -13,7 +13,7 @@
 
 #define TOGETHER 16 /* hemispheres whose rays are cast in turn */
 
-/* Columns of the results: texbake/raycast/hemispheres.py. */
+/* Columns of the results: texbake/raycast/rays.py. */
 enum { OPEN, OPEN_DIRECTION, DEPTH = OPEN_DIRECTION + 3, N_COLUMNS };
 
 /* Two tangents and the axis of a hemisphere, and the normal of the plane its rays stay above. */

@@ -185,7 +185,12 @@ def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Po
     share = _MOST_RAYS // 2 * (ends - begins) / max(sums[-1], np.finfo(float).tiny)
     n_points = np.clip(share, _LEAST_OF_PART, _MOST_OF_PART).astype(np.int64)
     n_points[ends <= begins] = 0
-    left_out = _left_out(n_points, ends - begins, _points_allowed(mesh))
+    left_out = np.zeros(n_parts, dtype=np.bool_)
+    allowed = _points_allowed(mesh)
+    if n_points.sum() > allowed:
+        largest_first = np.argsort(begins - ends, kind="stable")
+        left_out[largest_first[np.cumsum(n_points[largest_first]) > allowed]] = True
+        left_out &= n_points > 0
     n_points[left_out] = 0
     of_points = np.repeat(np.arange(n_parts, dtype=np.int32), n_points)
     random = np.random.Generator(np.random.PCG64(_SEED))
@@ -217,15 +222,6 @@ def _points_allowed(mesh: Mesh) -> float:
     return float(min(_RAYS_ALLOWED, _BOXES_ALLOWED / max(n_boxes, 1.0)) / 2.0)
 
 
-def _left_out(n_points: npt.NDArray[np.int64], areas: FloatArray, allowed: float) -> BoolArray:
-    """(n_parts,) bool: parts without points, so that those of the larger ones are as allowed."""
-    left_out = np.zeros(len(n_points), dtype=np.bool_)
-    if n_points.sum() > allowed:
-        largest_first = np.argsort(-areas, kind="stable")
-        left_out[largest_first[np.cumsum(n_points[largest_first]) > allowed]] = True
-    return left_out & (n_points > 0)
-
-
 @dataclass(frozen=True, eq=False)
 class _Votes:
     """What rays from both sides of each part have met."""
@@ -239,7 +235,11 @@ class _Votes:
     def of(cls, points: _Points, parts: IntArray, n_parts: int, scene: RayScene) -> _Votes:
         """Cast the rays."""
         random = np.random.Generator(np.random.PCG64(_SEED + 1))
-        directions = points.normals + _on_sphere(random, len(points.parts))  # by the cosine
+        n = len(points.parts)
+        z, turn = random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0 * math.pi, n)
+        across = np.sqrt(1.0 - z * z)
+        sphere = np.stack([across * pm.cos(turn), across * pm.sin(turn), z], axis=1)
+        directions = points.normals + sphere  # distributed by the cosine
         directions /= np.maximum(pm.norm(directions, axis=1, keepdims=True), 1e-300)
         origins = scene.frame.to_local(points.positions)
         escapes, met = [], []
@@ -311,13 +311,6 @@ def _area_vectors(mesh: Mesh) -> FloatArray:
     """(F, 3) float64: twice the area of each face along its normal, in units of the mesh's size."""
     centered = (mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300)
     return area_vectors(centered, mesh.faces)
-
-
-def _on_sphere(random: np.random.Generator, n: int) -> FloatArray:
-    """(n, 3) float64: unit vectors, evenly distributed."""
-    z, turn = random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0 * math.pi, n)
-    across = np.sqrt(1.0 - z * z)
-    return np.stack([across * pm.cos(turn), across * pm.sin(turn), z], axis=1)
 
 
 def _cast(scene: RayScene, origins: FloatArray, directions: FloatArray, length: float) -> RayHits:

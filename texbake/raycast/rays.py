@@ -1,14 +1,32 @@
-"""Rays and what they hit, as arrays: row i of `RayHits` is the first hit of row i of `Rays`."""
+"""Rays and what they hit, as arrays: row i of `RayHits` is the first hit of row i of `Rays`.
+
+Hemispheres of rays on a surface tell how open its surroundings are, and how thick it is. From a
+point of the surface, the outer rays spread over the hemisphere of the shading normal, and the inner
+rays go the opposite way. Directions that would point below the plane of the face are mirrored at
+it, so that no ray enters the face it starts on, and a convex surface is fully open however few
+faces it has.
+
+What the rays of a hemisphere hit is summed up in these columns:
+
+- `OPEN`: the share of the outer rays that hit nothing, 0 to 1;
+- `OPEN_DIRECTION`: the mean of their directions, not normalized; the axis of the hemisphere where
+  all outer rays hit something;
+- `DEPTH`: the mean distance that the inner rays go.
+
+A column whose rays are not cast holds NaN.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from functools import lru_cache
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import FloatArray
+from texbake.core import portable_math as pm
+from texbake.mesh.mesh import FloatArray, frozen
 
 NO_HIT = -1
 
@@ -72,3 +90,150 @@ class RayHits(Rows):
             np.zeros(n),
             np.zeros(n, dtype=np.bool_),
         )
+
+
+OPEN = 0
+OPEN_DIRECTION = slice(1, 4)
+DEPTH = 4
+N_COLUMNS = 5
+
+UintArray = npt.NDArray[np.uint32]
+
+# Directions of all sets together: 3/4 MB, which fits into the second-level cache of a processor.
+_DIRECTIONS = 1 << 16
+_BITS = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Hemispheres(Rows):
+    """Hemispheres of rays in the local frame, each around one point."""
+
+    points: FloatArray  # (n, 3) float64; on the surface
+    # (n, 3) float32; unit shading normals; zero where there is none, and then the hemisphere hits
+    # nothing.
+    axes: npt.NDArray[np.float32]
+    # (n, 3) float32; unit normals of the faces, on the side of the axis; the axis where a face has
+    # no area.
+    planes: npt.NDArray[np.float32]
+    # (n,) uint32; hashes that select a set of directions for each hemisphere.
+    set_ids: npt.NDArray[np.uint32]
+
+
+class OcclusionRange(NamedTuple):
+    """How far the rays of hemispheres go, in local units."""
+
+    offset: float  # rays start this far above or below the surface
+    # outer, inner: length of the outer rays, which may be infinite, and of the inner rays; 0: none
+    # are cast.
+    outer: float
+    inner: float
+
+
+@lru_cache(maxsize=4)
+def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
+    """Sets of unit vectors about +z, with a density proportional to the cosine of the angle to it.
+
+    Each set is a scrambled net: of its n points in the unit square exactly one lies in every cell
+    of a grid of n cells. The points are sorted by those cells, so that the j-th directions of all
+    sets are nearly the same, and packets of the j-th rays of neighboring samples stay together.
+    The scrambling of different sets is independent, so that the remaining error is noise without a
+    pattern, and its mean is exact.
+
+    Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995, for the scrambling;
+    Burley, "Practical Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4),
+    2020, for its permutation by a hash; Sobol', "On the Distribution of Points in a Cube", 1967,
+    its first two dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997;
+    Malley's method (points of a disk raised to the hemisphere are distributed by the cosine).
+
+    `n_rays`, `n_parts`: powers of two with a product of at most 65,536. Each `n_parts` sets that
+    follow each other are one net of all their directions, so that they can be shared out to the
+    samples of a texel. Returns (S, n_rays, 3) float32; S is a power of two.
+
+    Examples
+    --------
+    >>> direction_sets(64).shape
+    (1024, 64, 3)
+    """
+    n_points = n_rays * n_parts
+    nets = scrambled_nets(_DIRECTIONS // n_points, n_points)
+    # Points of a net that follow each other, in number a power of two, are a net themselves.
+    points = _sorted(nets.reshape(-1, n_rays, 2))
+    disk = concentric_disk((points.astype(np.float64) + 0.5) / 2**_BITS)
+    z = np.sqrt(1.0 - np.square(disk).sum(axis=-1, keepdims=True))
+    return frozen(np.concatenate([disk, z], axis=-1).astype(np.float32))
+
+
+def scrambled_nets(n_sets: int, n_points: int) -> UintArray:
+    """Owen-scrambled copies of the first points of Sobol's sequence in two dimensions.
+
+    Returns (n_sets, n_points, 2) uint32: coordinates in the unit square times 2^32.
+    """
+    ids = np.arange(n_points, dtype=np.uint32)
+    # The first coordinate is the index with its bits reversed. Scrambling works on reversed bits,
+    # so this begins with the index itself.
+    mirrored = np.stack([ids, _mirrored(_second_sobol(ids))], axis=-1)
+    seeds = mixed(np.arange(2 * n_sets, dtype=np.uint32)).reshape(n_sets, 1, 2)
+    return _mirrored(_permuted(mirrored[np.newaxis], seeds))
+
+
+def concentric_disk(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Map points of the unit square, (..., 2) in (0, 1), to the unit disk, preserving areas."""
+    x, y = np.moveaxis(2.0 * points - 1.0, -1, 0)
+    wide = np.abs(x) > np.abs(y)
+    radius = np.where(wide, x, y)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = np.where(wide, y / x, x / y)
+    slope[radius == 0.0] = 0.0
+    angle = 0.25 * np.pi * slope
+    cosine, sine = radius * pm.cos(angle), radius * pm.sin(angle)
+    return np.stack([np.where(wide, cosine, sine), np.where(wide, sine, cosine)], axis=-1)
+
+
+def mixed(values: UintArray) -> UintArray:
+    """Hash of each number; every bit of the hash depends on every bit of the number.
+
+    Based on: Appleby, MurmurHash3, 2011, its final steps.
+    """
+    values = (values ^ (values >> np.uint32(16))) * np.uint32(0x85EBCA6B)
+    values = (values ^ (values >> np.uint32(13))) * np.uint32(0xC2B2AE35)
+    return np.asarray(values ^ (values >> np.uint32(16)))
+
+
+def _second_sobol(ids: UintArray) -> UintArray:
+    """Coordinates times 2^32 in Sobol's second dimension, whose polynomial is x + 1."""
+    values = np.zeros_like(ids)
+    direction = np.uint32(1 << (_BITS - 1))
+    for bit in range(_BITS):
+        values ^= np.where((ids >> np.uint32(bit)) & np.uint32(1), direction, np.uint32(0))
+        direction ^= direction >> np.uint32(1)
+    return values
+
+
+def _permuted(mirrored: UintArray, seeds: UintArray) -> UintArray:
+    """Flip each bit by a hash of the seed and of the bits below it (Burley 2020, section 2)."""
+    values = mirrored + seeds
+    for factor in (0x6C50B47C, 0xB82F1E52, 0xC7AFE638, 0x8D22F6E6):
+        values = values ^ values * np.uint32(factor)
+    return np.asarray(values)
+
+
+def _mirrored(values: UintArray) -> UintArray:
+    """Reverse the bits of each number."""
+    for shift, mask in ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF)):
+        step, kept = np.uint32(shift), np.uint32(mask)
+        values = ((values >> step) & kept) | ((values & kept) << step)
+    return np.asarray((values >> np.uint32(16)) | (values << np.uint32(16)))
+
+
+def _sorted(nets: UintArray) -> UintArray:
+    """Sort the points of each net by the cells of a grid that has one point in every cell."""
+    bits = nets.shape[1].bit_length() - 1
+    columns, rows = (bits + 1) // 2, bits // 2
+    cells = _top_bits(nets[..., 0], columns) << np.uint32(rows) | _top_bits(nets[..., 1], rows)
+    order = np.argsort(cells, axis=1, kind="stable")
+    return np.take_along_axis(nets, order[:, :, np.newaxis], axis=1)
+
+
+def _top_bits(values: UintArray, n: int) -> UintArray:
+    """The first n bits of each number; 0 where n is 0."""
+    return (values >> np.uint32(_BITS - n)) if n else np.zeros_like(values)

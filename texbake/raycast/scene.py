@@ -25,9 +25,8 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
-from texbake.raycast.hemispheres import N_COLUMNS, Hemispheres, OcclusionRange
 from texbake.raycast.morton_tree import MortonTree
-from texbake.raycast.rays import RayHits, Rays, Rows
+from texbake.raycast.rays import N_COLUMNS, Hemispheres, OcclusionRange, RayHits, Rays, Rows
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -59,21 +58,9 @@ MakeRays = Callable[[slice], tuple[Rays, RayPlaces]]
 
 
 class RayScene:
-    """A mesh to cast rays into. Made by `RayScene.build`.
+    """A mesh to cast rays into. Made by `RayScene.build`."""
 
-    Attributes
-    ----------
-    frame : LocalFrame
-        The frame of rays and of hit distances.
-    in_chunks : bool
-        Whether each call builds the trees of chunks again.
-    compact : bool
-        Whether the tree was built for hemispheres.
-    caster : str
-        Name of the ray caster, for reports.
-    """
-
-    caster = "tile bundles"
+    caster = "tile bundles"  # name of the ray caster, for reports
 
     def __init__(
         self,
@@ -84,11 +71,12 @@ class RayScene:
         threads: int,
     ) -> None:
         self.source = source
-        self.frame = frame
+        self.frame = frame  # of rays and of hit distances
+        # Whether each call builds the trees of chunks again.
         self.in_chunks = chunk_faces is not None or isinstance(source, StreamedMesh)
         self._chunk_faces = chunk_faces or max(source.n_faces, 1)
         self.threads = threads
-        self.compact = compact
+        self.compact = compact  # whether the tree is built for hemispheres
         self._tree = (
             None
             if self.in_chunks
@@ -170,7 +158,9 @@ class RayScene:
 
             def cast(start: int, stop: int, tree: MortonTree = tree) -> None:
                 band, box = slice(start, stop), boxes[start // _RAYS_PER_BAND]
-                if _are_apart(box, tree.box):
+                # Not of a box that is not known yet, whose coordinates are NaN.
+                first, last = box[:3] - _BOX_SLACK, box[3:] + _BOX_SLACK
+                if (last < tree.box[:3]).any() or (first > tree.box[3:]).any():
                     return
                 rays, places = make(band)
                 if self.in_chunks and np.isnan(box[0]):
@@ -221,7 +211,7 @@ class RayScene:
         Kernel: `core/hemisphere_rays.c`.
 
         `sets` (S, n_rays, 3) float32. Returns (n, N_COLUMNS) float32: the columns of
-        `texbake.raycast.hemispheres`, lengths in local units.
+        `texbake.raycast.rays`, lengths in local units.
         """
         tree = self._tree
         if tree is None:
@@ -265,12 +255,6 @@ def _ends(rays: Rays) -> FloatArray:
     with np.errstate(invalid="ignore"):  # 0 times infinity: the ray stays where it begins
         ends = rays.origins + rays.directions * rays.lengths[:, np.newaxis]
     return np.concatenate([rays.origins, ends])
-
-
-def _are_apart(rays: FloatArray, triangles: FloatArray) -> bool:
-    """Whether two boxes, least and greatest coordinates, are apart; not if one is unknown."""
-    first, second = rays[:3] - _BOX_SLACK, rays[3:] + _BOX_SLACK
-    return bool((second < triangles[:3]).any() or (first > triangles[3:]).any())
 
 
 def _groups(keys: npt.NDArray[np.uint64]) -> IntArray:

@@ -191,21 +191,6 @@ class Rounds:
 
     `growths`: what a round costs as a multiple of what is known of it before, for the first round
     and for later ones.
-
-    Attributes
-    ----------
-    seconds : float
-        The budget.
-    before : float
-        Seconds from the beginning to the first samples.
-    after : float
-        Predicted seconds of everything that follows the last round.
-    unit : float
-        Seconds per unit of work.
-    total : float
-        All work so far.
-    overhead : float
-        Seconds that a round takes beside its work.
     """
 
     def __init__(
@@ -213,8 +198,10 @@ class Rounds:
     ) -> None:
         self.seconds = parse_seconds(budget)
         self.work, self.clock = work, clock
-        self.before = clock.spent
-        self.after = self.unit = self.overhead = self.total = 0.0
+        self.before = clock.spent  # seconds from the beginning to the first samples
+        self.after = 0.0  # predicted seconds of everything that follows the last round
+        # Seconds per unit of work, and those that a round takes beside its work; all work so far.
+        self.unit = self.overhead = self.total = 0.0
         self._growth, self._later_growth = growths
         self._sampling = 0.0  # seconds per unit of work without overhead
         self._kept = 0.0  # work of rounds given up, which another round uses

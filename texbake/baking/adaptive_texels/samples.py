@@ -138,7 +138,7 @@ def _report(
         sample_percents={4**k: 100.0 * n / n_covered for k, n in enumerate(finest.tolist())},
         within_percent=percent_within(refined.errors[has_data], 1.0),
         n_checked=len(recheck.texels),
-        samples_of_check=recheck.n_samples,
+        samples_of_check=N_CHECK_SAMPLES,
         errors=errors,
         rays_per_texel=n_rays / n_covered,
         rays_of_check=counts.rays_cast - n_rays,
@@ -157,17 +157,7 @@ _CHECKS_PER_SIDE = 4  # of a texel: a grid of about as many cells as there are s
 
 
 class ValidationBake:
-    """A second bake of one texel in a hundred, drawn from those that have data.
-
-    Attributes
-    ----------
-    texels : (n,) int64
-        Row times width plus column, in order.
-    n_samples : int
-        Number of samples of each.
-    """
-
-    n_samples = N_CHECK_SAMPLES
+    """A second bake of one texel in a hundred, drawn from those that have data."""
 
     def __init__(self, sampler: TexelSampler, has_data: BoolArray) -> None:
         self._inputs = sampler.inputs
@@ -184,18 +174,14 @@ class ValidationBake:
         self._ranks = ranks[hits.is_hit]
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """Return how far the means (height * width, C) of a map are from those of the second bake.
+        """(n,) float64: how far the means (height * width, C) of a map are from those found here.
 
-        Returns (n,) float64: lengths of the differences, for each texel where the second bake hit
-        anything.
+        One for each texel where the second bake hit anything.
         """
         values = kind.values(self._hits, self._inputs)
         n = len(self.texels)
         counts = np.bincount(self._ranks, minlength=n)
-        sums = np.stack(
-            [np.bincount(self._ranks, values[:, c], minlength=n) for c in range(kind.channels)],
-            axis=1,
-        )
+        sums = np.stack([np.bincount(self._ranks, column, n) for column in values.T], axis=1)
         has_hit = counts > 0
         second = sums[has_hit] / counts[has_hit, np.newaxis]
         first = means[self.texels[has_hit]].astype(np.float64)

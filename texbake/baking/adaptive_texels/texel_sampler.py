@@ -69,19 +69,6 @@ class Division:
 class Cells:
     """All cells: the texels, each at the place of its id, then one level after another.
 
-    Attributes
-    ----------
-    values : (n, C) float32
-        Values of the samples, of all maps side by side.
-    charts : (n,) int32
-        Chart that the sample lies in, `NO_CHART` where there is no value.
-    children : (n,) int32
-        Place of the first of four children, `NO_CHILD` for none.
-    is_cast : (n,) bool
-        Whether the sample was cast, also if it hit nothing.
-    levels : list of Level
-        From level 1 on.
-
     The texels can be divided again, more or less finely. Values sampled so far stay in memory, and
     cells of the new division reuse them.
     """
@@ -90,13 +77,16 @@ class Cells:
         # Memory that is never written to costs nothing, so this leaves room for many levels.
         n_room = 4 * n_texels + 1024
         self._n = self._n_texels = n_texels
+        # Values of the samples, of all maps side by side; the chart that each lies in, `NO_CHART`
+        # where there is no value; the place of the first of four children, `NO_CHILD` for none; and
+        # whether the sample was cast, also if it hit nothing.
         self.values = np.empty((n_room, n_channels), dtype=np.float32)
         self.charts = np.empty(n_room, dtype=np.int32)
         self.children = np.empty(n_room, dtype=np.int32)
         self.is_cast = np.zeros(n_room, dtype=np.bool_)
         self.charts[:n_texels] = NO_CHART
         self.children[:n_texels] = NO_CHILD
-        self.levels: list[Level] = []
+        self.levels: list[Level] = []  # from level 1 on
         self._sources: list[Division] = []
 
     @property
@@ -226,27 +216,20 @@ _SAMPLES_AT_ONCE = 1 << 17
 
 
 class TexelSampler:
-    """Casts the samples of a trace.
-
-    Attributes
-    ----------
-    shape : (int, int)
-        Height and width of the map.
-    watch : callable, optional
-        Called between parts of the work, with the share of it that is done and the number of cells
-        of this level that are left; it may raise an error to end the work.
-    """
+    """Casts the samples of a trace."""
 
     def __init__(self, trace: Trace, distances: DistanceSummary) -> None:
         self.trace, self._distances = trace, distances
         self.kinds, self.inputs = trace.setup.kinds, trace.setup.inputs
         self.stages, self.threads = trace.stages, trace.options.threads
-        self.shape: tuple[int, int] = trace.texel_faces.shape
+        self.shape: tuple[int, int] = trace.texel_faces.shape  # height and width of the map
         n_texels = trace.texel_faces.size
         self.coverage = TexelCoverage.none(n_texels)
         self.cells = Cells(n_texels, sum(kind.channels for kind in self.kinds))
         with self.stages.part("prepare low-poly mesh"):
             self.bins = FaceBins.of(trace.low, self.shape[1], self.shape[0])
+        # Called between parts of the work, with the share of it that is done and the number of
+        # cells of this level that are left; it may raise an error to end the work.
         self.watch: Callable[[float, int], None] | None = None
 
     def channels(self) -> Iterator[tuple[MapKind, slice]]:

@@ -33,7 +33,7 @@ def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     Weighted by the cosine of the angle to the normal: 1 for a convex surface, 1/2 everywhere in a
     hemispherical bowl.
     """
-    from texbake.raycast.hemispheres import OPEN
+    from texbake.raycast.rays import OPEN
 
     return _met(hits, slice(OPEN, OPEN + 1), "ao")
 
@@ -48,7 +48,7 @@ def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     import numpy as np
 
     from texbake.core import portable_math as pm
-    from texbake.raycast.hemispheres import OPEN_DIRECTION
+    from texbake.raycast.rays import OPEN_DIRECTION
 
     values = _met(hits, OPEN_DIRECTION, "bent-normal")
     if inputs.options.space == "tangent":
@@ -66,7 +66,7 @@ def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
     convex body is 4 times its volume divided by its surface area (Cauchy's mean chord theorem). A
     ray that meets no far side counts with its full length.
     """
-    from texbake.raycast.hemispheres import DEPTH
+    from texbake.raycast.rays import DEPTH
 
     return _met(hits, slice(DEPTH, DEPTH + 1), "thickness")
 

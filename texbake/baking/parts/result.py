@@ -206,11 +206,6 @@ class TargetMaps:
     """Combines the bakes of parts on one set of maps.
 
     Where two parts cover a texel the first one counts, unless its rays missed and the other's hit.
-
-    Attributes
-    ----------
-    n_overlapping : int
-        Texels that more than one part covers, except by islands that are stacked.
     """
 
     def __init__(
@@ -225,6 +220,7 @@ class TargetMaps:
         self._has_data = np.zeros(shape, dtype=np.bool_)
         self._n_charts = 0
         self._reports: list[BakeReport] = []
+        # Texels that more than one part covers, except by islands that are stacked.
         self.n_overlapping = 0
 
     @property

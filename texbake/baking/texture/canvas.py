@@ -176,15 +176,7 @@ _SAMPLES_AT_ONCE = 1 << 19
 
 
 class TextureCanvas:
-    """The texels that a mesh covers, and the values that they get, band by band.
-
-    Attributes
-    ----------
-    grid : SampleGrid
-    stages : Stages
-    texel_faces : (H, W) int32
-        Face that owns the texel's first owned sample, `NO_FACE` for none; filled by `bands`.
-    """
+    """The texels that a mesh covers, and the values that they get, band by band."""
 
     def __init__(
         self,
@@ -199,6 +191,7 @@ class TextureCanvas:
         self.grid = SampleGrid(options.width_px, options.height_px, side)
         self._faces = snap_uvs(mesh, self.grid)
         shape = self.grid.height, self.grid.width
+        # Face that owns the first sample of each texel, `NO_FACE` for none; filled by `bands`.
         self.texel_faces: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
         self._values: Float32Array = np.zeros((*shape, n_channels), np.float32)
         self._has_color = np.zeros(shape, np.bool_)

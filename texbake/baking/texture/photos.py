@@ -160,13 +160,7 @@ class Photo:
 
 
 class PhotoPixels:
-    """The pixels of a photograph with their opacity, as a mipmap chain that can be filtered.
-
-    Attributes
-    ----------
-    width, height : int
-        In pixels.
-    """
+    """The pixels of a photograph with their opacity, as a mipmap chain that can be filtered."""
 
     def __init__(self, photo: Photo, number: int, *, threads: int | None = None) -> None:
         if isinstance(photo.image, str | os.PathLike):
