@@ -63,6 +63,7 @@ def test_a_build_makes_everything_and_the_next_nothing(
     result, steps = run(path)
     assert result.ok and len(steps) == 6
     before = contents(path.parent / "build")
+    assert (path.parent / "build" / ".texbake" / ".gitignore").read_text() == "*\n"
     assert set(before) == {
         f"{asset}_{rest}"
         for asset in ("ball", "egg")
@@ -473,24 +474,6 @@ def test_an_interrupted_removal_is_completed(write: Write, run: Run) -> None:
     assert not left.exists() and entry.exists()
 
 
-def test_an_output_that_is_taken_away_at_once_is_no_failure(
-    write: Write, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = write()
-    signature = locations.LocalFolder.signature
-
-    def lose_and_look(self: Any, name: str) -> Any:
-        if self.place == str(path.parent / "build"):
-            Path(self.path(name)).unlink()
-        return signature(self, name)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(locations.LocalFolder, "signature", lose_and_look)
-        assert run(path)[0].ok
-    assert run(path)[1] == []
-    assert (path.parent / "build" / "ball_low.obj").exists()
-
-
 def test_materials_of_the_high_poly_mesh_are_baked_and_count(
     tmp_path: Path, write: Write, run: Run
 ) -> None:
@@ -528,29 +511,6 @@ output = "{output}.{ext}"
     result, _ = run(path)
     assert result.ok, result.failed
     assert colors() == ([1, 1, 1], [1, 1, 1])
-
-
-def test_a_folder_whose_name_has_brackets(tmp_path: Path, inline: Any) -> None:
-    folder = tmp_path / "a[1]"
-    folder.mkdir()
-    write_mesh(uv_sphere(4, 8), folder / "a.ply")
-    (folder / "p.toml").write_text(SCAN + SCAN_STEPS)
-    assert [asset.name for asset in build(folder / "p.toml", workers=inline()).assets] == ["a"]
-
-
-def test_what_keeps_git_away_is_whole_or_not_there(
-    write: Write, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stopped(path: Path, text: str, **rest: Any) -> None:
-        path.write_bytes(text[:1].encode())
-        raise KeyboardInterrupt
-
-    path = write()
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Path, "write_text", stopped)
-        run(path, folder=tmp_path / "build")
-    run(path, folder=tmp_path / "build")
-    assert (tmp_path / "build" / ".texbake" / ".gitignore").read_text() == "*\n"
 
 
 def test_hundreds_of_assets_are_planned_and_found_current(

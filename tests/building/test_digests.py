@@ -8,7 +8,6 @@ import pytest
 
 from texbake.building.digests import Digests, file_digest
 from texbake.building.locations import file_signature
-from texbake.building.resolve import PreviousKeys
 
 
 @pytest.fixture
@@ -35,18 +34,6 @@ def test_remembered_digests_are_used(mesh: Path, kept: Path) -> None:
 def test_a_flipped_bit_discards_the_digests(mesh: Path, kept: Path) -> None:
     kept.write_text(kept.read_text().replace("was remembered", "was remembereD"))
     assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
-
-
-@pytest.mark.parametrize("content", ["", "{", "[]", "7", "{}", '{"a": 3}', '{"files": 1}', "null"])
-def test_files_of_another_form_are_ignored(content: str, mesh: Path, kept: Path) -> None:
-    kept.write_text(content)
-    assert Digests(kept).digest(str(mesh)) == file_digest(mesh)
-    assert PreviousKeys(kept)["a", "b"] is None
-
-
-def test_last_keys_come_back(kept: Path) -> None:
-    kept.write_text(json.dumps({"a": {"b": "key"}}))
-    assert PreviousKeys(kept)["a", "b"] == "key"
 
 
 def test_digests_of_results_that_no_step_has_are_forgotten(write: Any, run: Any) -> None:

@@ -16,6 +16,8 @@ from texbake.limits import ALLOW_OUTSIDE
 
 Write = Callable[..., Path]
 ASSET = '[[assets]]\nname = "a"\n'
+REPAIR = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
+LEVELS = '[steps.l]\ndo = "simplify"\nmesh = "high"\nfaces = [9, 8]\n'
 MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
 
 
@@ -64,6 +66,24 @@ MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
         ('[[assets]]\ninputs.scan = "*.nothing"\n', MAKE, 2, "matches no file"),
         ('[[assets]]\ninputs.high = "p*"\n', MAKE, 2, "a step has the same name"),
         (ASSET + ASSET, MAKE, 4, "two assets are called 'a'"),
+        (
+            ASSET + '[[assets]]\nname = "b"\n',
+            MAKE + 'output = "x.{ext}"\n',
+            8,
+            "a high and b high both write 'x.ply'",
+        ),
+        (
+            ASSET,
+            MAKE + LEVELS + 'output = "x.obj"\n',
+            10,
+            "several outputs are called 'x.obj'; put {output}",
+        ),
+        (
+            ASSET,
+            MAKE + 'output = "x.ply"\n' + REPAIR + 'output = "x.ply/y.ply"\n',
+            10,
+            "x.ply/y.ply would lie in x.ply, which a high",
+        ),
         ('[[assets]]\nname = "../a"\n', MAKE, 2, "'../a' is not a name for files"),
         ('[[assets]]\nname = "{stm}"\n', MAKE, 2, "{stm}, which is not known"),
     ],
@@ -99,32 +119,10 @@ mesh = "b"
     assert all(needs[one] == other for one, other in pairwise(names))
 
 
-def test_two_assets_with_one_output(write: Write) -> None:
-    assets = ASSET + '[[assets]]\nname = "b"\n'
-    with pytest.raises(FileFormatError, match=r":8: .*a high and b high both write 'x.ply'"):
-        plan_build(write(assets, MAKE + 'output = "x.{ext}"\n'))
-
-
-def test_two_outputs_of_one_step_with_one_name(write: Write) -> None:
-    steps = MAKE + '[steps.l]\ndo = "simplify"\nmesh = "high"\nfaces = [9, 8]\noutput = "x.obj"\n'
-    with pytest.raises(
-        FileFormatError, match=r"several outputs are called 'x\.obj'; put \{output\}"
-    ):
-        plan_build(write(ASSET, steps))
-
-
-def test_an_output_within_another(write: Write) -> None:
-    steps = (
-        MAKE + 'output = "x.ply"\n[steps.b]\ndo = "repair"\nmesh = "high"\noutput = "x.ply/y.ply"\n'
-    )
-    with pytest.raises(FileFormatError, match=r"x\.ply/y\.ply would lie in x\.ply, which a high"):
-        plan_build(write(ASSET, steps))
-
-
 def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "a.ply").write_text("x")
-    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "a.ply"\n'
+    steps = REPAIR + 'output = "a.ply"\n'
     with pytest.raises(FileFormatError, match=r"a\.ply is also an input"):
         plan_build(write('[[assets]]\ninputs.high = "out/*.ply"\n', steps, 'folder = "out"\n'))
 
@@ -164,7 +162,7 @@ def test_a_name_matched_twice(write: Write, tmp_path: Path) -> None:
     for folder in "one", "two":
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "a.ply").write_text("x")
-    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "{asset}.ply"\n'
+    steps = REPAIR + 'output = "{asset}.ply"\n'
     with pytest.raises(FileFormatError, match=r":2: .*one/a.ply and .*two/a.ply both give .*'a'"):
         plan_build(write('[[assets]]\ninputs.high = "*/a.ply"\n', steps))
     assets = '[[assets]]\ninputs.high = "*/a.ply"\nname = "{folder}_{stem}"\n'
@@ -176,7 +174,7 @@ def test_odd_names(name: str, write: Write, tmp_path: Path) -> None:
     folder = tmp_path / name
     folder.mkdir()
     (folder / f"{name}.ply").write_text("x")
-    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\noutput = "{asset}.ply"\n'
+    steps = REPAIR + 'output = "{asset}.ply"\n'
     quoted = f"{name}/{name}.ply".replace("\\", "\\\\").replace('"', '\\"')
     (step,) = plan_build(write(f'[[assets]]\ninputs.high = "{quoted}"\n', steps))
     assert (step.asset, step.state) == (name, "runs")

@@ -3,7 +3,6 @@
 import tomllib
 
 import pytest
-from hypothesis import given, settings, strategies as st
 
 from texbake.building import locate
 from texbake.building.file import read_pipeline
@@ -49,17 +48,15 @@ def test_every_key_has_its_line() -> None:
         "steps.odd name": 15,
         "steps.odd name.text": 16,
         "steps.odd name.after": 20,
+        # That of the table of a key that has no line.
+        "assets[1].inputs.high[1]": 11,
+        "assets[0].options.low.padding": 7,
+        "assets[0].options.low.sizes": 7,
+        "elsewhere": None,
         "not": None,
         "not.a.header": None,
     }
     assert {place: line_of(TEXT, place) for place in expected} == expected
-
-
-def test_a_key_without_a_line_has_that_of_its_table() -> None:
-    assert line_of(TEXT, "assets[1].inputs.high[1]") == 11
-    assert line_of(TEXT, "assets[0].options.low.padding") == 7
-    assert line_of(TEXT, "assets[0].options.low.sizes") == 7
-    assert line_of(TEXT, "elsewhere") is None
 
 
 def test_brackets_and_quotes_in_texts_end_no_statement() -> None:
@@ -69,33 +66,6 @@ def test_brackets_and_quotes_in_texts_end_no_statement() -> None:
             whole = f'a = {before}\n"" = ""\nb = {text}  # "" [\nc = 1'
             assert tomllib.loads(whole)["c"] == 1
             assert line_of(whole, "c") == 1 + whole.count("\n")
-
-
-@given(
-    st.lists(
-        st.tuples(
-            st.sampled_from(["", "# note\n", "\n\n"]),
-            st.sampled_from(['"text # = ["', "[\n 1,\n 2,\n]", '"""\na\n"""', "{a = 1}", "1.5"]),
-        ),
-        max_size=8,
-    )
-)
-@settings(max_examples=40)
-def test_keys_are_where_they_were_put(parts: list[tuple[str, str]]) -> None:
-    text, expected = "", {}
-    for number, (before, value) in enumerate(parts):
-        text += before
-        expected[f"key{number}"] = text.count("\n") + 1
-        text += f"key{number} = {value}\n"
-    assert {key: line_of(text, key) for key in expected} == expected
-
-
-def test_the_line_after_a_list_of_thousands_of_lines_is_found(tmp_path):
-    path = tmp_path / "a.toml"
-    high = "".join(f'  "high_{i}.ply",\n' for i in range(3000))
-    path.write_text(f"[[assets]]\ninputs.high = [\n{high}]\n[steps.low]\ndo = 'dig'\n")
-    with pytest.raises(FileFormatError, match=r"a\.toml:3005: steps\.low\.do: "):
-        read_pipeline(path)
 
 
 def test_a_key_of_thousands_of_parts_is_one_line(tmp_path):

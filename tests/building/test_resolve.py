@@ -8,7 +8,6 @@ import pytest
 from texbake.building.digests import canonical, checksum
 from texbake.building.resolve import differences, ingredients_of
 from texbake.building.steps import STEP_KINDS
-from texbake.errors import OptionError
 
 # Inputs that each kind must be given.
 GIVEN: dict[str, dict[str, Any]] = {
@@ -75,14 +74,3 @@ def test_differences_name_what_changed() -> None:
     assert differences({**before, "texbake": "0.0"}, before)[0].startswith(
         "the version: 0.0 before"
     )
-
-
-def test_settings_are_checked_by_their_classes() -> None:
-    with pytest.raises(OptionError, match=r"maps: .*nrmal.* is not one of normal"):
-        STEP_KINDS["bake"].settings({"maps": ("nrmal",)})
-    with pytest.raises(OptionError, match="format: 'displacement' is not one of the maps"):
-        STEP_KINDS["bake"].settings({"format": {"displacement": "exr"}})
-    with pytest.raises(OptionError, match="each level must have fewer"):
-        STEP_KINDS["simplify"].settings({"faces": (9, 9)})
-    with pytest.raises(OptionError, match="max_stretch"):
-        STEP_KINDS["check"].settings({"max_stretch": 0.5})

@@ -11,7 +11,6 @@ from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.join import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image
@@ -59,37 +58,10 @@ def test_made_meshes_are_those_of_the_library(do: Do) -> None:
     assert figures["faces"] == 2 * 12 * 8
 
 
-def test_relief_moves_along_the_normals_by_at_most_its_height(do: Do) -> None:
-    files, _ = do("make", {"shape": "sphere", "relief": "worley", "relief_height": 0.1})
-    radii = np.linalg.norm(read_mesh(files["mesh"]).positions, axis=1)
-    assert radii.min() >= 1.0 - 1e-6 and radii.max() <= 1.1 + 1e-6
-    assert radii.std() > 0.01
-
-
-def test_a_shape_gets_only_the_settings_that_it_reads(do: Do) -> None:
-    with pytest.raises(OptionError, match="radius: the shape plane does not use it"):
-        do("make", {"shape": "plane", "radius": 2.0})
-    with pytest.raises(OptionError, match="profile: the shape revolution needs it"):
-        do("make", {"shape": "revolution"})
-
-
 def test_a_mesh_is_wrapped(do: Do, ball: Path) -> None:
     files, figures = do("remesh", {"resolution": 16}, mesh=ball)
     mesh = read_mesh(files["mesh"])
     assert figures == {"faces": mesh.n_faces, "components": 1, "notes": []}
-
-
-def test_a_wrapped_mesh_keeps_its_cavities(do: Do, ball: Path, tmp_path: Path) -> None:
-    solid = read_mesh(ball)
-    wall = solid.faces[:, ::-1] + solid.n_vertices
-    hollow = tmp_path / "hollow.ply"
-    positions = np.concatenate([solid.positions, 0.5 * solid.positions])
-    write_mesh(Mesh(positions=positions, faces=np.concatenate([solid.faces, wall])), hollow)
-    n_faces = [
-        do("remesh", {"resolution": 16, "keep_interior": keep}, mesh=hollow)[1]["faces"]
-        for keep in (False, True)
-    ]
-    assert 1.1 * n_faces[0] < n_faces[1] < 1.4 * n_faces[0]  # a quarter of the area more
 
 
 def test_levels_of_detail(do: Do, ball: Path) -> None:
