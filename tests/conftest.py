@@ -30,9 +30,6 @@ for _name, _handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signa
 sys.path[:0] = [str(Path(__file__).parent / room) for room in (".", "rendering")]
 
 
-# What looks at the session's `quick_study`, which takes a minute.
-_OF_ONE_STUDY = {f"tests/study/test_{name}.py" for name in ("knobs", "page", "result")}
-
 # Long ones first, so that no process works alone at the end.
 _FIRST = ("study", "docs", "goldens", "pages", "samples", "building", "cli")
 
@@ -56,21 +53,6 @@ def pytest_collection_finish() -> None:
 def pytest_unconfigure() -> None:
     """Let libraries find at the end that all of their objects are gone."""
     gc.unfreeze()
-
-
-@pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
-    """Keep what shares a fixture in one process: the tests of a file, and those of one study."""
-    if config.getvalue("dist") != "loadfile":
-        return None
-    from xdist.scheduler import LoadScopeScheduling
-
-    class FileScheduling(LoadScopeScheduling):
-        def _split_scope(self, nodeid: str) -> str:
-            file = nodeid.split("::")[0]
-            return "study" if file in _OF_ONE_STUDY else file
-
-    return FileScheduling(config, log)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

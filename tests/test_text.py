@@ -11,8 +11,3 @@ def test_a_line_is_cropped_to_its_ink() -> None:
         assert border.max() > 0.0
     assert 16 < len(ink) < 32  # a digit is about 3/4 of the size
     assert ink.shape[1] > ink.shape[0]
-
-
-def test_letters_below_the_line_are_whole() -> None:
-    assert len(text_coverage("g", 40)) > len(text_coverage("a", 40))
-    assert text_coverage(" ", 20).size == 0

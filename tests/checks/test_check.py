@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as hnp
 from tests.models import PAIRS, model, pair, real
 from texbake.checks.check import check, check_files
 from texbake.checks.kinds import KINDS, SEVERITIES, CheckOptions
-from texbake.errors import FileError, OptionError
+from texbake.errors import FileError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
@@ -184,12 +184,6 @@ def test_any_size_and_place(size: float, offset: float) -> None:
     assert set(counts(check(mesh, mesh))) == expected
 
 
-def test_a_mesh_of_one_point() -> None:
-    sphere = uv_sphere(4, 4)
-    report = check(sphere.replace(positions=np.ones_like(sphere.positions)))
-    assert counts(report) == {"no-surface": 1, "no-normals": 1}
-
-
 @pytest.mark.parametrize("far", [1e20, 1e200])
 def test_coordinates_however_far_outside(far: float) -> None:
     mesh = uv_sphere(4, 4)
@@ -240,14 +234,6 @@ def test_a_texel_density_asked_for() -> None:
     )
     enough = check(sheet, options=CheckOptions(size=128, min_texel_density=127.0))
     assert "low-texel-density" not in counts(enough)
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"padding": -1}, {"min_texel_density": 0.0}, {"threads": 0}, {"size": 0}]
-)
-def test_options_check_themselves(wrong: dict) -> None:
-    with pytest.raises(OptionError, match=next(iter(wrong))):
-        CheckOptions(**wrong)
 
 
 @pytest.mark.parametrize(

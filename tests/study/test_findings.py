@@ -1,11 +1,15 @@
-"""Savings at equal error, against measurements made by hand."""
+"""Fronts, knees and savings at equal error, of measurements made by hand."""
+
+import math
+import random
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
 
 from texbake.study.findings import findings, seconds_for, speedups
 from texbake.study.knob import Evaluation, Knob, Setting
-from texbake.study.result import KnobResult, Measurement
+from texbake.study.result import KnobResult, Measurement, convergence_order, knee, pareto_front
 
 
 def result(baseline="fixed"):
@@ -51,3 +55,56 @@ def test_slower_and_worse_points_change_nothing():
         assert seconds_for(front + beaten, error) == pytest.approx(expected)
     assert seconds_for([(1.0, 0.0)], 0.0) == 1.0
     assert seconds_for([(1.0, 2.0)], 1.0) is None
+
+
+times_and_errors = st.lists(
+    st.tuples(st.floats(0.001, 1000.0), st.floats(0.0, 1000.0)), max_size=30
+)
+
+
+def test_the_front_of_a_hyperbola_is_all_of_it_and_nothing_above_it():
+    on = [(t, 1.0 / t) for t in (1.0, 2.0, 3.0, 5.0, 8.0)]
+    above = [(1.01 * t, 1.01 * e) for t, e in on]
+    points = on + above
+    random.Random(1).shuffle(points)
+    assert [points[i] for i in pareto_front(points)] == on
+
+
+@given(times_and_errors)
+def test_the_front_is_just_what_no_other_point_beats(points):
+    front = pareto_front(points)
+
+    def beaten(p):
+        return any(q[0] <= p[0] and q[1] <= p[1] and q != p for q in points)
+
+    assert {points[i] for i in front} == {p for p in points if not beaten(p)}
+    chosen = [points[i] for i in front]
+    assert chosen == sorted(chosen)
+    assert [e for _, e in chosen] == sorted((e for _, e in chosen), reverse=True)
+
+
+def test_equal_points_are_on_the_front_once_and_what_is_not_finite_never():
+    points = [(1.0, 1.0), (1.0, 1.0), (math.nan, 0.0), (0.5, math.inf)]
+    assert pareto_front(points) == [0]
+
+
+@pytest.mark.parametrize("p", [0.25, 0.5, 1.0, 2.0])
+def test_the_convergence_order_is_the_exponent_of_a_power_law(p):
+    assert convergence_order((2.0, 2.0**-p), (32.0, 32.0**-p)) == pytest.approx(p, rel=1e-12)
+
+
+def test_a_free_or_perfect_step_pays_without_bound():
+    assert convergence_order((1.0, 2.0), (1.0, 1.0)) == math.inf
+    assert convergence_order((1.0, 2.0), (9.0, 0.0)) == math.inf
+
+
+def test_the_knee_of_two_power_laws_is_where_they_meet():
+    """Error falls as 1/t up to t = 8, then only as t^-1/4."""
+    points = [(t, 1.0 / t if t <= 8.0 else (8.0 / t) ** 0.25 / 8.0) for t in (1, 2, 4, 8, 16, 32)]
+    assert knee(points, pareto_front(points)) == 3
+
+
+def test_a_poor_step_is_taken_where_the_next_makes_up_for_it():
+    points = [(1.0, 1.0), (2.0, 0.9), (4.0, 0.1)]
+    assert knee(points, pareto_front(points)) == 2
+    assert knee([], []) is None

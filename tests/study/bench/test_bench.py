@@ -17,6 +17,15 @@ from texbake.study.bench.tasks import TASKS, unwrap_error
 from texbake.study.bench.write import write_bench
 
 
+@pytest.fixture(scope="module")
+def quick_bench():
+    """All tasks on one case."""
+    options = BenchOptions(
+        quick=True, cases=("two-parts",), programs=("texbake", "xatlas", "blender"), blender="none"
+    )
+    return run_bench(options=options)
+
+
 def test_every_task_is_done_and_judged(quick_bench):
     assert [contest.task.name for contest in quick_bench.contests] == list(TASK_NAMES)
     assert set(quick_bench.versions) == {"texbake", "xatlas"}
