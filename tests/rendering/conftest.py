@@ -13,6 +13,13 @@ from texbake.rendering.scene.scene import Scene, SceneObject
 SIZE = 5.0  # half the side of the wall
 
 
+def pixel_rays(camera, width, height):
+    """(H, W, 3): directions through the middles of pixels, one unit deep."""
+    origin, right, down = camera.view_rays(width, height)
+    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    return origin + columns[..., None] * right + rows[..., None] * down
+
+
 class Wall:
     """The square |x|, |y| <= 5 in z = 0 facing +z, (u, v) = (x, y) / 10 + 1/2, seen from z = 2.
 
@@ -25,9 +32,7 @@ class Wall:
         self.camera = Camera.looking_at(
             (0.6, 0.4, 2.0), (0.1, -0.2, 0.0), fov=np.radians(60.0), near=0.01
         )
-        origin, right, down = self.camera.view_rays(24, 16)
-        columns, rows = np.meshgrid(np.arange(24) + 0.5, np.arange(16) + 0.5)
-        rays = origin + columns[..., None] * right + rows[..., None] * down
+        rays = pixel_rays(self.camera, 24, 16)
         self.points = self.camera.eye - self.camera.eye[2] / rays[..., 2:] * rays
         self.to_eye = -rays / np.linalg.norm(rays, axis=-1, keepdims=True)
         self.uvs = self.points[..., :2] / (2 * SIZE) + 0.5

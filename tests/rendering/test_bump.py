@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.rendering.conftest import pixel_rays
 from texbake.errors import UvError
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
@@ -47,9 +48,7 @@ def on_wall(wall, material, mesh=None, transform=None, **options):
 
 def points_of(wall):
     """(16, 24, 3): surface points at those pixels."""
-    origin, right, down = wall.camera.view_rays(*FINE.values())
-    columns, rows = np.meshgrid(np.arange(240) + 0.5, np.arange(160) + 0.5)
-    rays = (origin + columns[..., None] * right + rows[..., None] * down)[SOME, SOME]
+    rays = pixel_rays(wall.camera, *FINE.values())[SOME, SOME]
     return wall.camera.eye - wall.camera.eye[2] / rays[..., 2:] * rays
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.rendering.conftest import pixel_rays
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -63,9 +64,7 @@ def test_a_mirror_sphere_sees_six_colored_faces_in_their_places(rotate):
         lighting=Lighting(environment=sky),
     )
     frame = draw(prepare(scene, options), camera, keep=("normals",))
-    origin, right, down = camera.view_rays(120, 120)
-    columns, rows = np.meshgrid(np.arange(120) + 0.5, np.arange(120) + 0.5)
-    rays = origin + columns[..., None] * right + rows[..., None] * down
+    rays = pixel_rays(camera, 120, 120)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     half = rays @ camera.eye
     root = half**2 - (camera.eye @ camera.eye - 1)
@@ -105,9 +104,7 @@ def test_total_reflection_from_inside():
     )
     frame = draw(prepare(scene, options), camera)
     assert (frame.coverage == 1).all()
-    origin, right, down = camera.view_rays(100, 100)
-    columns, rows = np.meshgrid(np.arange(100) + 0.5, np.arange(100) + 0.5)
-    rays = origin + columns[..., None] * right + rows[..., None] * down
+    rays = pixel_rays(camera, 100, 100)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     half = rays @ eye
     normals = eye + (-half + np.sqrt(half**2 - (eye @ eye - 1)))[..., None] * rays
@@ -152,9 +149,7 @@ def test_a_rendered_environment_shows_objects_where_they_are(shift):
     frame = draw(prepare(scene, options), camera, keep=("normals",))
     on_mirror = frame.face_ids < mirror.mesh.n_faces
     on_mirror &= frame.face_ids >= 0
-    origin, right, down = camera.view_rays(160, 160)
-    columns, rows = np.meshgrid(np.arange(160) + 0.5, np.arange(160) + 0.5)
-    rays = origin + columns[..., None] * right + rows[..., None] * down
+    rays = pixel_rays(camera, 160, 160)
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     n = frame.normals
     mirrored = rays - 2 * np.einsum("ijk,ijk->ij", rays, n)[..., None] * n

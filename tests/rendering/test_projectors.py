@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.rendering.conftest import pixel_rays
 from texbake.errors import OptionError
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
@@ -35,9 +36,7 @@ def drawn(material: Material, *lights: Light, camera: Camera = ABOVE) -> np.ndar
 
 def floor_points(camera: Camera = ABOVE) -> np.ndarray:
     """(H, W, 2): x and z where the middles of pixels see the floor's plane."""
-    rays = camera.view_rays(120, 120)
-    x, y = np.meshgrid(np.arange(120) + 0.5, np.arange(120) + 0.5)
-    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    rays = pixel_rays(camera, 120, 120)
     return np.asarray((camera.eye - camera.eye[1] / rays[..., 1:2] * rays)[..., [0, 2]])
 
 
@@ -260,9 +259,7 @@ def shelf_scene(**options: object) -> np.ndarray:
 def side_points(height: float) -> np.ndarray:
     """(H, W, 2): x and z where pixels of that camera meet a level plane; NaN above the horizon."""
     camera = Camera.looking_at((0, 1.0, 5), (0, 1.0, 0), fov=math.radians(50), near=0.01)
-    rays = camera.view_rays(120, 120)
-    x, y = np.meshgrid(np.arange(120) + 0.5, np.arange(120) + 0.5)
-    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    rays = pixel_rays(camera, 120, 120)
     along = (height - 1.0) / rays[..., 1:2]
     return np.where(along > 0.0, camera.eye + along * rays, np.nan)[..., [0, 2]]
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.rendering.conftest import pixel_rays
 from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
@@ -73,9 +74,7 @@ def points(
     camera: Camera = ABOVE, height: float = 0.0, options: RenderOptions = OPTIONS
 ) -> np.ndarray:
     """(H, W, 3): where the middles of pixels see a level plane; NaN where they do not."""
-    rays = camera.view_rays(options.width, options.height)
-    x, y = np.meshgrid(np.arange(options.width) + 0.5, np.arange(options.height) + 0.5)
-    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    rays = pixel_rays(camera, options.width, options.height)
     along = (height - camera.eye[1]) / rays[..., 1]
     return np.where(along[..., None] > 0.0, camera.eye + along[..., None] * rays, np.nan)
 
@@ -237,11 +236,7 @@ def test_the_faces_of_a_point_light_meet_without_a_seam() -> None:
     found = share(*scene, light=source, camera=camera)
     frame = drawn(*scene, light=source, camera=camera)
     on_shell = (frame.face_ids >= 0) & (frame.face_ids < shell.mesh.n_faces)
-    rays = camera.view_rays(160, 160)
-    x, y = np.meshgrid(np.arange(160) + 0.5, np.arange(160) + 0.5)
-    at = camera.eye + frame.depths[..., None] * (
-        rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
-    )
+    at = camera.eye + frame.depths[..., None] * pixel_rays(camera, 160, 160)
     angles = [
         np.arccos(at @ np.array(w) / np.linalg.norm(at, axis=-1) / np.linalg.norm(w)) for w in ways
     ]

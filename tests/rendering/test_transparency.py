@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.rendering.conftest import pixel_rays
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -43,9 +44,7 @@ TURNS = (
 
 def met(item, width, height):
     """Depth along each ray (inf for none), and (u, v) where it meets the object's plane."""
-    origin, right, down = CAMERA.view_rays(width, height)
-    columns, rows = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
-    rays = origin + columns[..., None] * right + rows[..., None] * down
+    rays = pixel_rays(CAMERA, width, height)
     inverse = np.linalg.inv(item.transform)
     eye, turned = inverse[:3, :3] @ CAMERA.eye + inverse[:3, 3], rays @ inverse[:3, :3].T
     with np.errstate(divide="ignore"):

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.rendering.conftest import pixel_rays
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
@@ -30,9 +31,7 @@ def picture(mesh: Any, lighting: Lighting | None = None, **material: Any) -> np.
 
 def unit_square_points() -> np.ndarray:
     """(60, 60, 2): x and y where the middles of pixels see the plane z = 0."""
-    rays = CAMERA.view_rays(60, 60)
-    x, y = np.meshgrid(np.arange(60) + 0.5, np.arange(60) + 0.5)
-    rays = rays[0] + x[..., None] * rays[1] + y[..., None] * rays[2]
+    rays = pixel_rays(CAMERA, 60, 60)
     return np.asarray((CAMERA.eye - CAMERA.eye[2] / rays[..., 2:] * rays)[..., :2])
 
 
