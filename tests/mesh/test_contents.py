@@ -129,8 +129,10 @@ def test_fbx(tmp_path):
 
 
 @pytest.mark.parametrize("version", [6100, 7400])
-@pytest.mark.parametrize(("factor", "meters"), [(1.0, 0.01), (100.0, 1.0), (50.0, 0.5)])
-@pytest.mark.parametrize(("axis", "sign", "up"), [(1, 1, "+Y"), (2, 1, "+Z"), (1, -1, "-Y")])
+@pytest.mark.parametrize(
+    ("factor", "meters", "axis", "sign", "up"),
+    [(1.0, 0.01, 1, 1, "+Y"), (100.0, 1.0, 2, 1, "+Z"), (50.0, 0.5, 1, -1, "-Y")],
+)
 def test_fbx_files_say_unit_and_axis(tmp_path, version, factor, meters, axis, sign, up):
     settings = {"UnitScaleFactor": [factor], "UpAxis": [axis], "UpAxisSign": [sign]}
     (tmp_path / "a.fbx").write_bytes(binary(scene(version, settings=settings), version))

@@ -34,14 +34,6 @@ def instances(tmp_path):
     return write
 
 
-def test_each_node_places_the_mesh(instances):
-    mesh = read_mesh(instances(5))
-    assert mesh.n_faces == 5
-    np.testing.assert_array_equal(
-        mesh.positions[mesh.faces], TRIANGLE + np.arange(5)[:, None, None] * np.array([1, 0, 0])
-    )
-
-
 def changed(path, change):
     """Change the document of a file."""
     document = json.loads(path.read_text())

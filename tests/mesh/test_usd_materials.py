@@ -55,14 +55,25 @@ def Material "{name}"
 RGB = "</skin/image.outputs:rgb>"
 
 
+def material_of(name, inputs, image="", **changes):
+    """The text of a material: inputs of its surface, and of its image."""
+    words = {"kind": "UsdPreviewSurface", "file": "c.png", "places": "reader", "primvar": "st"}
+    return MATERIAL.format(name=name, inputs=inputs, image=image, **{**words, **changes})
+
+
+TWO_MATERIALS = "".join(
+    material_of(name, f"float inputs:metallic = {value}")
+    for name, value in (("a", 0.25), ("b", 0.75))
+)
+
+
 @pytest.fixture
 def read(tmp_path):
     """Read the material `skin` of two quads, given its inputs and those of its image."""
     (tmp_path / "c.png").write_bytes(b"an image")
 
     def read_one(inputs="", image="", *, head="", **changes):
-        words = {"kind": "UsdPreviewSurface", "file": "c.png", "places": "reader", "primvar": "st"}
-        material = MATERIAL.format(name="skin", inputs=inputs, image=image, **{**words, **changes})
+        material = material_of("skin", inputs, image, **changes)
         body = UVS + head + "\nrel material:binding = </skin>"
         path = tmp_path / "a.usda"
         path.write_text(TWO_QUADS.format(head="", body=body) + material)
@@ -216,13 +227,8 @@ def test_subsets_have_their_own_materials(tmp_path):
         }
         rel material:binding = </a>
     """
-    words = {"kind": "UsdPreviewSurface", "file": "", "places": "reader", "primvar": "st"}
-    materials = [
-        MATERIAL.format(name=name, inputs=f"float inputs:metallic = {value}", image="", **words)
-        for name, value in (("a", 0.25), ("b", 0.75))
-    ]
     path = tmp_path / "a.usda"
-    path.write_text(TWO_QUADS.format(head="", body=subset) + "".join(materials))
+    path.write_text(TWO_QUADS.format(head="", body=subset) + TWO_MATERIALS)
     found = read_materials(path, read_mesh(path))
     metallic = [source.factor[0] for source in found.sources("metallic")]
     assert [metallic[i] for i in found.face_materials] == [0.25, 0.25, 0.75, 0.75]
@@ -231,11 +237,6 @@ def test_subsets_have_their_own_materials(tmp_path):
 
 @pytest.mark.parametrize(("strength", "expected"), [("weaker", 0.25), ("stronger", 0.75)])
 def test_materials_are_those_of_prims_above(tmp_path, capfd, strength, expected):
-    words = {"kind": "UsdPreviewSurface", "file": "", "places": "reader", "primvar": "st"}
-    materials = [
-        MATERIAL.format(name=name, inputs=f"float inputs:metallic = {value}", image="", **words)
-        for name, value in (("a", 0.25), ("b", 0.75))
-    ]
     binding = f'''
     rel material:binding = </b> (
         bindMaterialAs = "{strength}ThanDescendants"
@@ -244,7 +245,7 @@ def test_materials_are_those_of_prims_above(tmp_path, capfd, strength, expected)
     stage = TWO_QUADS.replace("def Mesh", binding.replace("{", "{{").replace("}", "}}"))
     for own in "rel material:binding = </a>", "":
         path = tmp_path / "a.usda"
-        path.write_text(stage.format(head="", body=own) + "".join(materials))
+        path.write_text(stage.format(head="", body=own) + TWO_MATERIALS)
         (source,) = read_materials(path, read_mesh(path)).sources("metallic")
         assert source.factor == (expected if own else 0.75,)
     assert capfd.readouterr().err == ""

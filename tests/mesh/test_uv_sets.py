@@ -1,15 +1,11 @@
 """Further sets of texture coordinates: in a mesh, through files and through what changes meshes."""
 
-import struct
-import zipfile
-
 import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from tests.glb import glb_bytes, read_glb
-from texbake.arrays import read_arrays, write_arrays
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import find_overlaps
@@ -219,28 +215,3 @@ def test_a_file_that_names_one_array_as_many_sets_is_refused(tmp_path, n_primiti
     one_array_as_many_sets(path, n_primitives, n_sets)
     with pytest.raises(MeshError, match=r"many\.glb: it has 65 sets .* at most 64 are read"):
         read_mesh(path)
-
-
-def test_a_file_beside_an_obj_file_with_many_sets_is_refused(mesh, tmp_path):
-    path = tmp_path / "a.obj"
-    write_mesh(mesh, path)
-    arrays = read_arrays(tmp_path / "a.uvs.npz")
-    names = [f"set {i}" for i in range(65)]
-    arrays |= {f"uvs_{i}": arrays["uvs_0"] for i in range(65)}
-    arrays |= {f"faces_{i}": arrays["faces_0"] for i in range(65)}
-    write_arrays(tmp_path / "a.uvs.npz", {**arrays, "names": np.array(names)})
-    with pytest.raises(MeshError, match="it has 65 sets"):
-        read_mesh(path)
-
-
-def test_a_damaged_file_beside_an_obj_file_is_an_error_of_one_line(mesh, tmp_path):
-    path = tmp_path / "a.obj"
-    write_mesh(mesh, path)
-    text = b"{'descr': '<f8', 'fortran_order': False, 'shape': " + b"(" * 20_000
-    with zipfile.ZipFile(tmp_path / "a.uvs.npz", "w") as archive:
-        head = b"\x93NUMPY\1\0" + struct.pack("<H", len(text))
-        archive.writestr("names.npy", head + text)
-    with pytest.raises(FileFormatError, match=r"a\.uvs\.npz: it is not a file of UV sets") as found:
-        read_mesh(path)
-    assert "\n" not in str(found.value)
-    assert len(str(found.value)) < 400
