@@ -1,8 +1,8 @@
 """A group of commands that imports each command only when it is used.
 
-A command is made from the verb of its name, or stands in a module of `commands`, under the same
-name, with `_` for `-`. These modules import only click and the dataclasses of options. Everything
-heavy is imported when the command runs, so that `texbake --help` answers at once.
+A command is made from the verb of its name, or stands in one of the modules named here. They import
+only click and the dataclasses of options. Everything heavy is imported when the command runs, so
+that `texbake --help` answers at once.
 """
 
 from __future__ import annotations
@@ -69,6 +69,8 @@ GROUPS = {
 }
 """The commands, by purpose."""
 
+# Commands that are no verbs.
+_MODULES = {"pipelines": ("build", "watch", "schema"), "measurements": ("study", "bench")}
 COMMANDS = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
 
 
@@ -90,8 +92,8 @@ class LazyGroup(click.Group):
         verb = find_verb(cmd_name)
         if verb is not None:
             return command_of(verb)
-        name = cmd_name.replace("-", "_")
-        command = getattr(import_module(f".commands.{name}", __package__), name)
+        module = next(module for module, names in _MODULES.items() if cmd_name in names)
+        command = getattr(import_module(f".{module}", __package__), cmd_name)
         assert isinstance(command, click.Command)
         return command
 

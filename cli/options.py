@@ -7,7 +7,6 @@ options that several commands share, such as the file of a report, are declared 
 
 from __future__ import annotations
 
-import functools
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -15,18 +14,15 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
 import click
-from click.core import ParameterSource
 
-from texbake import BakeOptions, BuildOptions, RenderOptions
 from texbake.limits import whole_number
 from texbake.mesh.files import (
     MESH_SUFFIXES as MESH_SUFFIXES,
     WRITABLE_MESH_SUFFIXES as WRITABLE_MESH_SUFFIXES,
 )
-from texbake.schema import OptionField, option_field, option_fields
-from texbake.verbs.verb import PAGE, REPORT
+from texbake.schema import OptionField, option_fields
 
-from .types import FileOf, NameAndStrength, Names, Numbers, Size, ViewParam
+from .types import NameAndStrength, Names, Numbers, Size
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
@@ -42,9 +38,14 @@ def options_of(
     without: Collection[str] = (),
     required: Collection[str] = (),
     unset: bool = False,
+    only_given: bool = False,
     defaults: Mapping[str, Any] | None = None,
 ) -> Decorator[Any]:
-    """Add flags for the fields of an option class, in their order."""
+    """Add flags for the fields of an option class, in their order.
+
+    The value of an option that is `unset` or `only_given` is None unless it is given; the help
+    shows the default of the latter.
+    """
     fields = {field.name: field for field in option_fields(kind)}
     chosen = [fields[name] for name in names] or [
         field for field in fields.values() if field.name not in without
@@ -56,6 +57,7 @@ def options_of(
                 replace(field, default=given.get(field.name, field.default)),
                 required=field.name in required or field.required,
                 unset=unset,
+                only_given=only_given,
             )
             for field in chosen
         ]
@@ -73,7 +75,7 @@ def all_of(options: Sequence[Decorator[Any]]) -> Decorator[Any]:
     return add
 
 
-def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
+def _flag(field: OptionField, *, required: bool, unset: bool, only_given: bool) -> Decorator[Any]:
     """Return the flag of one option."""
     option = field.option
     names = [option.flag or f"--{field.name.replace('_', '-')}", field.name]
@@ -98,6 +100,8 @@ def _flag(field: OptionField, *, required: bool, unset: bool) -> Decorator[Any]:
         default = ("x" if isinstance(kind, Size) else ",").join(
             f"{v:g}" if isinstance(v, float) else str(v) for v in default
         )
+    if only_given and default is not None:
+        text, default = f"{text}  [default: {default}]", None
     # For click a default of None is one, and the option would never be missing.
     given = {"required": True} if required else {"default": default}
     return click.option(
@@ -147,37 +151,6 @@ def number_or_word(text: str | int) -> int | str:
     return text if number is None else number
 
 
-def build_options(*, without: Collection[str] = ()) -> Decorator[Any]:
-    """Add the options of a build; the command receives them as `options`, `BuildOptions`."""
-    hidden = {"folder", *without}
-    names = [field.name for field in option_fields(BuildOptions) if field.name not in hidden]
-    folder = option_field(BuildOptions, "folder").option
-    flags = (
-        options_of(BuildOptions, *names),
-        output_folder(f"{folder.help}  [default: {folder.default}]"),
-    )
-
-    def add(command: Command) -> Command:
-        @functools.wraps(command)
-        def with_options(*args: Any, output: Path | None, **values: Any) -> None:
-            chosen = {name: values.pop(name) for name in names}
-            command(*args, options=BuildOptions(folder=output, **chosen), **values)
-
-        return all_of(flags)(with_options)  # type: ignore[no-any-return]
-
-    return add
-
-
-def mesh_argument(name: str) -> Decorator[Any]:
-    """Add an argument that names a mesh file to read."""
-    return click.argument(name, type=FileOf(MESH_SUFFIXES))
-
-
-def image_option(flag: str, text: str) -> Decorator[Any]:
-    """Add an option that names an image file to read."""
-    return click.option(flag, type=FileOf(IMAGE_SUFFIXES), metavar="IMAGE", help=text)
-
-
 class _Output(click.Option):
     """`-o`, which may be left out if the last argument is the output's name."""
 
@@ -222,67 +195,6 @@ def output_option(
     return all_of((last, option))
 
 
-def output_folder(text: str, *, required: bool = False, **extra: Any) -> Decorator[Any]:
-    """Add `-o DIR`; if it is required, it may also be the last argument."""
-    if required:
-        return output_option(FOLDER, "DIR", text, required=True)
+def output_folder(text: str, **extra: Any) -> Decorator[Any]:
+    """Add `-o DIR`, which may be left out."""
     return click.option("-o", "--output", type=FOLDER, metavar="DIR", help=text, **extra)
-
-
-def picture_option(flag: str, text: str) -> Decorator[Any]:
-    """Add an option that names an additional picture to write."""
-    return click.option(flag, type=FileOf((".png",)), metavar="FILE.png", help=text)
-
-
-report_option = click.option(
-    "--report",
-    type=FileOf((".json",)),
-    metavar="FILE.json",
-    help=REPORT.help,
-)
-html_option = click.option("--html", type=FileOf((".html",)), metavar="FILE.html", help=PAGE.help)
-threads_option = options_of(BakeOptions, "threads")
-
-
-_PICTURE = ("view", "up", "back_faces", "supersampling")
-_PIXELS = click.option(
-    "--size",
-    type=Size(),
-    default=f"{RenderOptions.width}x{RenderOptions.height}",
-    show_default=True,
-    help="Width and height of the picture in pixels.",
-)
-
-
-def picture_changes(command: Command) -> Command:
-    """Add the options of a picture and a turntable; the command receives those given, as a dict.
-
-    The scene file determines the others.
-    """
-
-    @functools.wraps(command)
-    def with_changes(*args: Any, **options: Any) -> None:
-        source = click.get_current_context().get_parameter_source
-        picture = {name: options.pop(name) for name in ("size", *_PICTURE)}
-        given = {
-            name: value
-            for name, value in picture.items()
-            if source(name) not in (ParameterSource.DEFAULT, None)
-        }
-        size = given.pop("size", None)
-        command(*args, picture={**({} if size is None else _sides(size)), **given}, **options)
-
-    view = option_field(RenderOptions, "view")
-    turns = click.option(
-        "--view",
-        type=ViewParam(),
-        default=",".join(f"{angle:g}" for angle in RenderOptions.view if angle is not None),
-        show_default=True,
-        help=f"{view.option.help.rstrip('.')}; or a whole turn of N pictures.",
-    )
-    return all_of((_PIXELS, turns, options_of(RenderOptions, *_PICTURE[1:])))(with_changes)  # type: ignore[no-any-return]
-
-
-def _sides(size: int | tuple[int, int]) -> dict[str, Any]:
-    width, height = (size, size) if isinstance(size, int) else size
-    return {"width": width, "height": height}

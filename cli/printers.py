@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from texbake.checks.check import CheckReport
     from texbake.checks.checked_mesh import Finding
     from texbake.jobs.outputs import JobResult
+    from texbake.jobs.preview import PreviewFiles
     from texbake.verbs.info import MeshFileInfo
 
 _NEVER = "never"
@@ -101,7 +102,25 @@ def _verdict_on_all(checked: CheckReport, least: str) -> str:
     return ", ".join((verdict, *counts))
 
 
+def print_preview(terminal: Terminal, done: PreviewFiles, values: Mapping[str, Any]) -> int:
+    """Print which passes were chosen, and what was left out; or what each changes."""
+    form = values["explain"] or ("table" if values["plan_only"] else None)
+    if form == "changes":
+        columns(done.contributions_table(), numbers=5)
+    elif form == "json":
+        say(json.dumps(done.to_json(), indent=2))
+    elif form is not None:
+        rows, left_out = done.plan_tables()
+        columns(rows, numbers=0 if done.costs is None else 2)
+        say("")
+        columns([("left out", "because"), *left_out])
+    terminal.summary(done.table())
+    if not values["plan_only"]:
+        terminal.wrote(done.files)
+    return 0
+
+
 # By the names of verbs: prints a result, of the values of the command, and returns the exit code.
 PRINTERS: dict[str, Callable[[Terminal, Any, Mapping[str, Any]], int]] = {
-    "check": print_check, "info": print_info,
+    "check": print_check, "info": print_info, "preview": print_preview,
 }  # fmt: skip

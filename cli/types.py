@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +37,6 @@ class Size(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
         return sides[0] if len(sides) == 1 else (sides[0], sides[1])
 
 
-@dataclass(frozen=True)
-class Turntable:
-    """A number of views around a mesh."""
-
-    n_views: int
-
-
 class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     """Numbers separated by commas, or one of a few words."""
 
@@ -76,7 +68,7 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes non
 
 
 class ViewParam(Numbers):
-    """`az,el` or `az,el,dist`, in degrees and model units, or `turntable:N`, a `Turntable`."""
+    """`az,el` or `az,el,dist`, in degrees and model units, or `turntable:N`, an int."""
 
     name = "view"
 
@@ -88,14 +80,14 @@ class ViewParam(Numbers):
         return f"{self._metavar}|turntable:N"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Parse into two or three numbers, or a `Turntable`."""
+        """Parse into two or three numbers, or the number of views of a turntable."""
         word, colon, count = str(value).partition(":")
         if not colon or word != "turntable":
             return super().convert(value, param, ctx)
         n_views = whole_number(count)
         if not n_views:
             self.fail(f"{value!r} has no number of views, as turntable:36 does", param, ctx)
-        return Turntable(n_views)
+        return n_views
 
 
 class NameAndStrength(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none

@@ -28,7 +28,7 @@ from .options import (
 from .printers import PRINTERS
 from .sections import SectionedCommand
 from .terminal import Terminal, terminal_options
-from .types import FileOf
+from .types import FileOf, Names, ViewParam
 
 # Suffixes by the kinds of `Reads`.
 _READ = {
@@ -36,6 +36,7 @@ _READ = {
     "image": IMAGE_SUFFIXES,
     "scene": SCENE_SUFFIXES,
     "camera": (".toml", ".txt", *MESH_SUFFIXES),
+    "shown": (*MESH_SUFFIXES, ".toml"),
 }
 # Suffixes, and the placeholder on help pages, by the kinds of `Writes`.
 _WRITTEN = {
@@ -103,8 +104,11 @@ def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
         more = dict(part.more)
         if "choices" in more:
             more["type"] = click.Choice(more.pop("choices"))
-        if more.pop("is_folder", False):
-            more["type"] = FOLDER
+        if "names" in more:
+            more |= {"type": Names(more.pop("names")), "default": ()}
+        for name, kind in (("is_folder", FOLDER), ("is_view", ViewParam())):
+            if more.pop(name, False):
+                more["type"] = kind
         if not part.flag.startswith("-"):
             return click.argument(part.flag, **more)
         return click.option(*part.flag.split(), help=part.help, **more)

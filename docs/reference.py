@@ -291,7 +291,7 @@ _FURTHER = (
     ("texbake.errors", "all other errors, each a `TexbakeError`: `UvError`, ..."),
     ("texbake.limits", "`raised_limits`"),
     ("texbake.verbs", "commands as functions from files to files: `simplify.simplify_file`, ..."),
-    ("texbake.jobs", "other commands: `maps.bake_files`, `preview.preview_files`, ..."),
+    ("texbake.jobs", "what commands share: `maps.bake_files`, ..."),
     (
         "texbake.mesh",
         "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ...",

@@ -254,8 +254,8 @@ def budget_run(case, **options):
 def run_here(kind, name, size, folder, options):
     """Bake or draw in this process; return its processor seconds."""
     from texbake.jobs.maps import bake_files
-    from texbake.jobs.preview import preview_files
     from texbake.sampling.rounds import BudgetClock
+    from texbake.verbs.preview import preview_files
 
     clock = BudgetClock(start=0.0, now=time.process_time)
     output, report = f"{folder}/out.png", Path(folder) / "report.json"

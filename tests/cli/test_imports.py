@@ -54,8 +54,7 @@ def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
         [sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True
     )
     names = set(done.stdout.split())
-    assert not {name for name in names if name.startswith("texbake_cli.commands.")}
-    assert not names & {"numpy", "texbake.core", "texbake.schema"}
+    assert not names & {"numpy", "texbake.core", "texbake.schema", "texbake_cli.pipelines"}
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from typing import Any
 
 import click
 import pytest
+from click.testing import CliRunner
 from texbake_cli.main import texbake
 from texbake_cli.options import IMAGE_SUFFIXES
 
@@ -33,7 +34,6 @@ def parsed(line: str) -> dict[str, Any]:
         ("bake-displacement a b -o c.png", BakeOptions()),
         ("bake a b -o c", BakeOptions()),
         ("unwrap a -o b.obj", UnwrapOptions()),
-        ("preview a -o b.png", RenderOptions()),
         ("compare a b", RenderOptions()),
         ("run a -o b --faces 500", RunOptions()),
         ("demo", DemoOptions()),
@@ -102,9 +102,16 @@ def test_an_input_is_not_taken_for_the_output(tmp_path: Path) -> None:
         parsed("unwrap a.obj")
 
 
-def test_a_picture_has_the_size_of_the_api() -> None:
+def test_a_preview_takes_what_is_given_and_shows_the_defaults_of_the_api() -> None:
+    names = ("size", "view", "up", "supersampling", "edges")
+    assert {parsed("preview a -o b.png")[name] for name in names} == {None}
+    assert parsed("preview a -o b.png --up z --size 8")["up"] == "z"
     options = RenderOptions()
-    assert parsed("preview a -o b.png")["size"] == (options.width, options.height)
+    shown = " ".join(CliRunner().invoke(texbake, ["preview", "--help"]).output.split())
+    view = ",".join(f"{angle:g}" for angle in options.view)
+    size = f"{options.width}x{options.height}"
+    for default in (size, view, options.up, options.supersampling, options.edges):
+        assert f"[default: {default}]" in shown
 
 
 @pytest.mark.parametrize("line", ["bake-normals a b -o c.png", "bake a b -o c"])

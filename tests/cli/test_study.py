@@ -4,8 +4,7 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from texbake_cli.commands.bench import bench
-from texbake_cli.commands.study import study
+from texbake_cli.measurements import bench, study
 
 from texbake.errors import OptionError
 from texbake.mesh.files import write_mesh

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 import pytest
-from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, Turntable, ViewParam
+from texbake_cli.types import FileOf, NameAndStrength, Names, Numbers, Size, ViewParam
 
 CONTEXT = click.Context(click.Command("test"))
 PARAM = click.Option(["--it"])
@@ -24,9 +24,9 @@ def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
         (ViewParam(), "30,20", (30.0, 20.0)),
         (ViewParam(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
         (ViewParam(), "30,20", (30.0, 20.0)),
-        (ViewParam(), "turntable:36", Turntable(36)),
+        (ViewParam(), "turntable:36", 36),
         # Python's numbers have the digits of any script; those of file formats do not.
-        (ViewParam(), "turntable:٣٦", Turntable(36)),
+        (ViewParam(), "turntable:٣٦", 36),
         (ViewParam(), "٣٠,２０", (30.0, 20.0)),
         (Size(), "１０２４x512", (1024, 512)),
         (Numbers("X,Y,Z", ("x", "y")), "y", "y"),

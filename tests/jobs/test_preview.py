@@ -5,10 +5,10 @@ import pytest
 
 import texbake
 from tests.glb import glb_bytes, read_glb
-from texbake.jobs.preview import preview_files
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.texture.image import read_image
+from texbake.verbs.preview import preview_files
 
 SMALL = {"width": 96, "height": 64}
 BALL = uv_sphere(24, 48)

@@ -14,19 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from texbake.errors import OptionError
-from texbake.files import PathLike, appearing_together, check_folder, make_folder, scratch_folder
-from texbake.jobs.default_view import DefaultView, default_view
-from texbake.jobs.outputs import (
-    JobResult,
-    check_distinct,
-    check_page,
-    check_picture,
-    check_report,
-    present_paths,
-    write_report,
-)
-from texbake.jobs.preview_scene import MeshMaps, open_preview
+from texbake.files import PathLike, make_folder, scratch_folder
+from texbake.jobs.default_view import DefaultView
+from texbake.jobs.outputs import JobResult
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.compare_models import Contribution, contributions_of
@@ -88,82 +78,41 @@ class PreviewFiles(JobResult[Frame | None]):
         return [*rows]
 
 
-_NO_MAPS = MeshMaps()
-_ONE_PICTURE: Mapping[str, Sequence[str]] = {}
-
-
-@appearing_together()
-def preview_files(
-    path: PathLike,
+def draw_preview(
+    view: DefaultView,
+    variants: Sequence[tuple[str, RenderOptions]],
     output: PathLike | None,
-    options: Mapping[str, Any] | None = None,
+    n_views: int | None,
     *,
-    maps: MeshMaps = _NO_MAPS,
-    side_by_side: Mapping[str, Sequence[str]] = _ONE_PICTURE,
-    n_views: int | None = None,
-    contributions: bool = False,
-    report: PathLike | None = None,
-    html: PathLike | None = None,
-    command: str = "",
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-    clock: BudgetClock | None = None,
+    contributions: bool,
+    normal_map: PathLike | None,
+    space: str | None,
+    threads: int | None,
+    progress: ProgressSink | None,
+    clock: BudgetClock | None,
 ) -> PreviewFiles:
-    """Draw a mesh file with its maps, or a scene file.
-
-    `output` is a folder if there are `n_views`, and None to plan the passes and draw nothing. All
-    combinations of `side_by_side`, choices by the name of an option, are drawn in one picture.
-    """
-    clock = clock or BudgetClock()
-    is_several = any(len(choices) > 1 for choices in side_by_side.values())
-    if n_views is not None and is_several:
-        raise OptionError("view: a turntable has one filter, interpolation and buffer; name one")
-    measures = contributions or html is not None
-    if measures and (output is None or n_views is not None or is_several):
-        raise OptionError("contributions: they are those of one picture; draw one")
-    check_distinct([output, report, html], [path, *maps.files.values()])
-    check_report(report)
-    check_page(html)
-    if output is not None:
-        (check_picture if n_views is None else check_folder)(output)
-    scene, asked = open_preview(path, options, maps=maps, progress=progress)
-    check_distinct([*_pictures(output, n_views), report, html], scene.files)
-    view = default_view(path, scene, asked)
-    variants = side_by_side_options(view.options, side_by_side)
+    """Draw a picture, several side by side, or a turntable; only plan it without an output."""
     frame = None
+    options = variants[0][1]
     if output is not None and n_views is not None:
         frame = write_turntable(
-            scene, variants[0][1], n_views, output, threads=threads, progress=progress
+            view.scene, options, n_views, output, threads=threads, progress=progress
         )
     elif output is not None:
-        frame = _write_picture(view, variants, output, threads, progress, clock)
+        frame = _write_picture(view, variants, output, threads, progress, clock or BudgetClock())
     changes: tuple[Contribution, ...] = ()
-    if frame is not None and measures:
+    if frame is not None and contributions:
         changes = contributions_of(
-            scene, variants[0][1], frame, camera=view.camera, threads=threads, progress=progress
+            view.scene, options, frame, camera=view.camera, threads=threads, progress=progress
         )
-    if html is not None and frame is not None:
-        # Imported here, so that other pictures do not load what pages need.
-        from texbake.pages.picture_pages import write_contributions_page
-
-        write_contributions_page(html, Path(path).name, frame, changes, command)
-    done = PreviewFiles(
-        files=present_paths(output, report, html),
+    return PreviewFiles(
+        files=(),
         report=frame,
         contributions=changes,
-        plan=plan_scene(scene, variants[0][1], camera=view.camera) if frame is None else frame.plan,
+        plan=plan_scene(view.scene, options, camera=view.camera) if frame is None else frame.plan,
         chosen=() if frame is None or n_views is not None else tuple(view.table(frame)),
-        warnings=(*space_warnings(maps.normal_map, maps.space), *_warnings(view, frame, n_views)),
+        warnings=(*space_warnings(normal_map, space), *_warnings(view, frame, n_views)),
     )
-    if report is not None:
-        write_report(report, done.to_json())
-    return done
-
-
-def _pictures(output: PathLike | None, n_views: int | None) -> Sequence[Path]:
-    if output is None or n_views is None:
-        return present_paths(output)
-    return turntable_files(output, n_views)
 
 
 def _write_picture(

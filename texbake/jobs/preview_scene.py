@@ -6,7 +6,7 @@ A mesh is lit by the studio, and so is a scene without lights. Pictures in this 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,46 +31,29 @@ _WITHOUT_MATERIALS = (".ply", ".stl", ".off")
 _ROOM_SIZE = 128
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeshMaps:
-    """Maps of a mesh in place of its file's materials, and the space of the normal map.
-
-    `replaces`: leave out the materials even if there is no map.
-    """
-
-    normal_map: PathLike | None = None
-    displacement: PathLike | None = None
-    albedo: PathLike | None = None
-    space: str | None = None
-    replaces: bool = False
-
-    @property
-    def files(self) -> dict[str, PathLike]:
-        """The maps that were given, by name."""
-        names = "normal_map", "displacement", "albedo"
-        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-
-
-_NO_MAPS = MeshMaps()
-
-
 def open_preview(
     path: PathLike,
     options: Mapping[str, Any] | None = None,
     *,
-    maps: MeshMaps = _NO_MAPS,
+    maps: Mapping[str, PathLike] | None = None,
+    space: str | None = None,
+    own_materials: bool = True,
     progress: ProgressSink | None = None,
 ) -> tuple[Scene, RenderOptions]:
-    """Read a scene to draw, and the options to draw it with."""
-    files: dict[str, Any] = {**maps.files}
+    """Read a scene to draw, and the options to draw it with.
+
+    `maps` (`normal_map`, `displacement`, `albedo`) replace the materials of a mesh file. Without
+    `own_materials` these are left out even if there is no map. `space` is that of the normal map.
+    """
+    files: dict[str, Any] = {**(maps or {})}
     suffix = Path(path).suffix.lower()
     if suffix == ".toml" and files:
         name = next(iter(files))
         raise OptionError(f"{name}: a scene has its own materials; name the map in {path}")
-    if maps.space is not None and maps.normal_map is None:
+    if space is not None and "normal_map" not in files:
         raise OptionError("space: it needs a normal map; give `normal_map` as well")
     changes = dict(options or {})
-    as_mesh = bool(files) or maps.replaces
+    as_mesh = bool(files) or not own_materials
     if suffix == ".toml" or (suffix in _MODELS and not as_mesh):
         scene = read_scene(path, progress=progress)
         if suffix in _MODELS and changes.get("back_faces") is not None:
@@ -81,7 +64,7 @@ def open_preview(
             mesh = read_mesh(path, progress=progress)
             materials = None if as_mesh else _materials(path, mesh)
         if materials is None:
-            scene = studio_scene(mesh, **files, space=maps.space, options=chosen)
+            scene = studio_scene(mesh, **files, space=space, options=chosen)
             return scene, _exposing(chosen)
         # Imported here, so that files without materials do not load it.
         from texbake.rendering.scene.read import scene_from_materials

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class _PictureSize:
+class PictureSize:
     """Width and height of `RenderOptions` in one option."""
 
     size: Annotated[Size, Option("Width and height of the picture in pixels.")] = (
@@ -28,7 +28,8 @@ class _PictureSize:
     )
 
 
-def _with_sides(values: dict[str, Any]) -> dict[str, Any]:
+def with_sides(values: dict[str, Any]) -> dict[str, Any]:
+    """Return values with width and height in place of the size."""
     rest = dict(values)
     size = rest.pop("size")
     width, height = (size, size) if isinstance(size, int) else size
@@ -66,7 +67,7 @@ def _table(done: ComparedFiles) -> Rows:
         required=False,
         metavar="FILE",
     ),
-    Options(_PictureSize, apart=True),
+    Options(PictureSize, apart=True),
     Options(RenderOptions, "view", "up", "back_faces", "supersampling"),
     REPORT,
     PAGE,
@@ -76,7 +77,7 @@ def _table(done: ComparedFiles) -> Rows:
       texbake compare scan.ply low.obj --normal-map normal.png --view 90,10 -o side.png
     """,
     table=_table,
-    prepare=_with_sides,
+    prepare=with_sides,
 )
 def compare_files(
     high: PathLike,

@@ -78,7 +78,7 @@ class Options:
     """Fields of a class of options, at this place of the help page; all of them, or some by name.
 
     The function takes the instance as `options`; fields that stand `apart` are parameters of its
-    own. `more` is what the flags take: `without`, `unset`, `defaults`.
+    own. `more` is what the flags take: `without`, `unset`, `only_given`, `defaults`.
     """
 
     def __init__(self, kind: type, *names: str, apart: bool = False, **more: Any) -> None:
@@ -88,7 +88,8 @@ class Options:
 class Extra:
     """A parameter of the function that is in no class of options: a flag, or an argument.
 
-    `more` is what `click.option` takes, `choices`, and `is_folder`.
+    `more` is what `click.option` takes, and its type: `choices`, of which one is chosen, `names`,
+    of which several are, `is_folder` or `is_view`.
     """
 
     def __init__(self, flag: str, help: str = "", **more: Any) -> None:  # noqa: A002

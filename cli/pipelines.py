@@ -1,25 +1,27 @@
-"""`texbake build`: build all assets of a pipeline."""
+"""`texbake build`, `watch` and `schema`: the assets of a pipeline."""
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 import texbake
-from texbake import BuildOptions
+from texbake import BuildOptions, TexbakeError
 from texbake.errors import counted
+from texbake.schema import option_fields, option_of
 
-from ..messages import command_line
-from ..options import build_options
-from ..signals import FAILED
-from ..terminal import Terminal, columns, complain, terminal_options
-from ..types import FileOf
+from .messages import command_line
+from .options import Command, Decorator, all_of, options_of, output_folder, output_option
+from .signals import FAILED
+from .terminal import Terminal, columns, complain, say, terminal_options
+from .types import FileOf
 
 if TYPE_CHECKING:
     from texbake.building.build import PlannedStep
@@ -27,6 +29,27 @@ if TYPE_CHECKING:
     from texbake.building.report import BuildResult
 
 _MOST_SHOWN = 20  # failures; of further ones only the number is printed
+
+
+def _build_options(*, without: Collection[str] = ()) -> Decorator[Any]:
+    """Add the options of a build; the command receives them as `options`, `BuildOptions`."""
+    hidden = {"folder", *without}
+    names = [field.name for field in option_fields(BuildOptions) if field.name not in hidden]
+    folder = option_of(BuildOptions, "folder")
+    flags = (
+        options_of(BuildOptions, *names),
+        output_folder(f"{folder.help}  [default: {folder.default}]"),
+    )
+
+    def add(command: Command) -> Command:
+        @functools.wraps(command)
+        def with_options(*args: Any, output: Path | None, **values: Any) -> None:
+            chosen = {name: values.pop(name) for name in names}
+            command(*args, options=BuildOptions(folder=output, **chosen), **values)
+
+        return all_of(flags)(with_options)  # type: ignore[no-any-return]
+
+    return add
 
 
 @click.command(
@@ -43,7 +66,7 @@ _MOST_SHOWN = 20  # failures; of further ones only the number is printed
 )
 @click.argument("pipeline", type=FileOf((".toml",)), metavar="PIPELINE.toml")
 @click.option("--plan", is_flag=True, help="Print what would run and why, and build nothing.")
-@build_options()
+@_build_options()
 @click.option(
     "--html",
     type=FileOf((".html",)),
@@ -70,11 +93,11 @@ def build(
 
         _print_plan(plan_build(pipeline, options), terminal)
         return
-    with shown(terminal) as listener:
+    with _shown(terminal) as listener:
         result = texbake.build(
             pipeline, options, html=html, command=command_line(), listener=listener
         )
-    print_result(result, terminal)
+    _print_result(result, terminal)
     if html is not None:
         terminal.wrote([html])
     if not result.ok:
@@ -93,12 +116,12 @@ def _print_plan(steps: list[PlannedStep], terminal: Terminal) -> None:
 
 
 @contextmanager
-def shown(terminal: Terminal) -> Iterator[BuildListener]:
+def _shown(terminal: Terminal) -> Iterator[BuildListener]:
     """Show a build as a live table on a terminal or as JSON lines; yield its listener."""
     if terminal.kind == "json" and not terminal.quiet:
         yield _print_json
     elif terminal.kind == "auto" and not terminal.quiet and sys.stderr.isatty():
-        from ..build_table import BuildTable
+        from .build_table import BuildTable
 
         with BuildTable() as table:
             yield table.add
@@ -116,7 +139,7 @@ def _print_note(event: BuildEvent, terminal: Terminal) -> None:
         complain(event.message)
 
 
-def print_result(result: BuildResult, terminal: Terminal) -> None:
+def _print_result(result: BuildResult, terminal: Terminal) -> None:
     """Print the warnings, failures and figures of a build."""
     for asset in result.assets:
         for step in asset.steps:
@@ -128,3 +151,63 @@ def print_result(result: BuildResult, terminal: Terminal) -> None:
         complain(f"{counted(n_more, 'more asset')} failed; build.json lists them")
     terminal.summary(result.table())
     terminal.wrote([result.folder / "build.json"])
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake watch studio.toml
+      texbake watch studio.toml --only hero --jobs 1
+    """
+)
+@click.argument("pipeline", type=FileOf((".toml",)), metavar="PIPELINE.toml")
+@_build_options(without=("wait", "prune", "verify"))
+@terminal_options
+def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
+    """Build again whenever a file changes, until Ctrl-C.
+
+    Checks the pipeline file, and every file that it reads, twice a second.
+    """
+    from texbake.building.build import watch as watch_pipeline
+
+    def built(result: BuildResult | TexbakeError) -> None:
+        if isinstance(result, TexbakeError):
+            complain(str(result))
+        else:
+            _print_result(result, terminal)
+        if not terminal.quiet:
+            say("watching ...")
+
+    with _shown(terminal) as listener:
+        watch_pipeline(pipeline, options, listener=listener, built=built)
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake schema scene -o scene.schema.json
+      texbake schema pipeline
+    """
+)
+@click.argument("file", type=click.Choice(("pipeline", "scene")), metavar="pipeline|scene")
+@output_option(
+    FileOf((".json",)), "FILE.json", "Write the schema to this file.  [default: print it]"
+)
+@terminal_options
+def schema(file: str, output: Path | None, terminal: Terminal) -> None:
+    """Print the JSON Schema of pipeline or scene files.
+
+    With it, an editor completes and checks TOML files as you type. In VS Code, install the
+    extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene
+    file.
+    """
+    from texbake.building.file import pipeline_schema, schema_file
+    from texbake.rendering.scene.file.schema import scene_schema
+
+    if output is None:
+        contents = pipeline_schema() if file == "pipeline" else scene_schema()
+        say(json.dumps(contents, indent=2))
+    else:
+        terminal.wrote(schema_file(file, output).files)

@@ -1,0 +1,107 @@
+"""`texbake study` and `bench`: accuracy against time, and texbake beside other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from texbake.study.bench.options import BenchOptions
+from texbake.study.options import StudyOptions
+
+from .options import MESH_SUFFIXES, SCENE_SUFFIXES, options_of, output_folder
+from .terminal import Terminal, columns, terminal_options
+from .types import FileOf
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake study --quick
+      texbake study scan.ply low_uv.obj -o study
+      texbake study scan.ply low_uv.obj --knob texture-size --knob samples
+      texbake study --scene room.toml --knob shadow-map
+    """
+)
+@click.argument("high", type=FileOf(MESH_SUFFIXES), required=False)
+@click.argument("low", type=FileOf(MESH_SUFFIXES), required=False)
+@click.option(
+    "--scene",
+    type=FileOf(SCENE_SUFFIXES),
+    metavar="SCENE",
+    help="Scene to draw, for settings that are studied on pictures.  [default: a generated one]",
+)
+@options_of(StudyOptions, "knobs")
+@output_folder("Folder of the results.", default=Path("study"), show_default=True)
+@options_of(StudyOptions, "repeats", "seconds", "quick", "threads")
+@terminal_options
+def study(
+    high: Path | None,
+    low: Path | None,
+    scene: Path | None,
+    output: Path,
+    terminal: Terminal,
+    **choices: Any,
+) -> None:
+    """Measure what each setting buys and costs.
+
+    Uses the meshes HIGH and LOW and a scene, or generated ones with known answers. Writes a
+    page that opens without a network, its plots, a contact sheet, and all figures as JSON and CSV.
+    """
+    options = StudyOptions(**{name: value for name, value in choices.items() if value != ()})
+    from texbake.study.study import study_files, study_rows
+
+    with terminal.progress() as progress:
+        done = study_files(output, options, high=high, low=low, scene=scene, progress=progress)
+    for warning in done.warnings:
+        terminal.warn(warning)
+    if not terminal.quiet:
+        columns(study_rows(done.report), numbers=2)
+    terminal.wrote(done.files[:1])
+
+
+@click.command(
+    epilog="""
+    \b
+    Example:
+      texbake bench --quick
+      texbake bench --blender ~/bpy/bin/python -o bench
+      texbake bench --task bake-normals --case sphere --triangles 4000000 --size 2048
+      texbake bench scan.ply low_uv.obj --task bake-normals --task bake-ao
+    """
+)
+@click.argument("high", type=FileOf(MESH_SUFFIXES), required=False)
+@click.argument("low", type=FileOf(MESH_SUFFIXES), required=False)
+@options_of(BenchOptions, "tasks", "cases", "programs", "sizes", "triangles", "blender")
+@output_folder("Folder of the results.", default=Path("bench"), show_default=True)
+@options_of(BenchOptions, "repeats", "seconds", "timeout", "quick")
+@terminal_options
+def bench(
+    high: Path | None,
+    low: Path | None,
+    output: Path,
+    terminal: Terminal,
+    **choices: Any,
+) -> None:
+    """Compare texbake with other programs.
+
+    Runs texbake, Blender, pymeshlab, xatlas and trimesh, those that are installed, on generated
+    meshes of known shape, or on the meshes HIGH and LOW. Times whole processes and measures errors
+    and memory. Writes a page that opens without a network, its plots, Markdown tables, and all
+    figures as JSON and CSV.
+    """
+    given: dict[str, Any] = {name: value for name, value in choices.items() if value != ()}
+    if high is not None:
+        given.setdefault("cases", ())
+    options = BenchOptions(**given)
+    from texbake.study.bench.run import bench_files, bench_rows
+
+    with terminal.progress() as progress:
+        done = bench_files(output, options, high=high, low=low, progress=progress)
+    for warning in done.warnings:
+        terminal.warn(warning)
+    if not terminal.quiet:
+        columns(bench_rows(done.report), numbers=2)
+    terminal.wrote(done.files[:1])
