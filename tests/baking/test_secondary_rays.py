@@ -5,19 +5,21 @@ import pytest
 from embreex_oracle import EmbreexScene
 
 from texbake.baking.hits import Hits
-from texbake.baking.secondary_rays import START_OFFSET, hemispheres_of
+from texbake.baking.inputs import BakeInputs
+from texbake.baking.maps import INNER, OUTER
+from texbake.baking.options import BakeOptions
+from texbake.baking.scenes import BakeScenes
+from texbake.baking.secondary_rays import SecondaryRays
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.join import join_meshes
-from texbake.mesh.mesh import Mesh, frozen
-from texbake.mesh.normals import flat_normals, shading_normals
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.raycast.rays import (
     DEPTH,
     N_COLUMNS,
     OPEN,
     OPEN_DIRECTION,
-    OcclusionRange,
-    direction_sets,
 )
 from texbake.raycast.scene import RayScene
 
@@ -35,21 +37,19 @@ def hits_on(mesh, faces, *, seed=0, weights=None):
     return Hits(np.arange(n, dtype=np.int32), faces, weights, faces, weights, nothing)
 
 
-def hemispheres_on(mesh, hits, frame, *, flat=True, **extra):
-    normals, corners = (flat_normals if flat else shading_normals)(mesh)
-    normals = frozen(normals.astype(np.float32))
-    return hemispheres_of(hits, mesh, (normals, frozen(corners)), frame, width=64, **extra)
+def rays_on(mesh, *, caster=RayScene.build, flat=True, needs=(OUTER, INNER), **options):
+    """The secondary rays of a bake of a mesh; all lengths are in model units."""
+    shading = "flat" if flat else "smooth"
+    inputs = BakeInputs.of(mesh, mesh, BakeOptions(size=64, high_shading=shading, **options))
+    scenes = BakeScenes(caster(mesh, LocalFrame.around(mesh)), mesh)
+    return SecondaryRays(inputs, scenes, frozenset(needs))
 
 
-def look(mesh, hits, *, caster=RayScene.build, n_rays=64, outer=np.inf, inner=None, flat=True):
-    """Cast the secondary rays of hits; all lengths are in model units."""
-    frame = LocalFrame.around(mesh)
-    inner = mesh.diagonal if inner is None else inner
-    reach = OcclusionRange(START_OFFSET, outer * frame.scale, inner * frame.scale)
-    hemispheres = hemispheres_on(mesh, hits, frame, flat=flat)
-    met = caster(mesh, frame).cast_hemispheres(hemispheres, direction_sets(n_rays), reach)
-    met[:, DEPTH] /= frame.scale
-    return met
+def look(mesh, hits, *, n_rays=64, outer=None, inner=None, **options):
+    """Cast the secondary rays of hits."""
+    rays = rays_on(mesh, secondary_rays=n_rays, occluder_distance=outer, thickness_distance=inner,
+                   **options)  # fmt: skip
+    return rays.cast(hits, 1)[0].secondary
 
 
 def random_faces(mesh, n, *, chosen=None, seed=1):
@@ -204,33 +204,22 @@ def test_a_ray_that_meets_no_far_side_counts_as_long_as_it_goes(caster):
 
 def test_threads_and_the_order_of_hits_change_nothing():
     mesh = join_meshes([icosphere(3), disk(1.2)])
-    frame = LocalFrame.around(mesh)
     hits = hits_on(mesh, random_faces(mesh, 5000))
-    reach, sets = OcclusionRange(START_OFFSET, np.inf, 1.0), direction_sets(16)
-    results = []
-    for threads in (1, 3):
-        hemispheres = hemispheres_on(mesh, hits, frame, threads=threads)
-        caster = RayScene.build(mesh, frame, threads=threads)
-        results.append(caster.cast_hemispheres(hemispheres, sets, reach).tobytes())
-    assert results[0] == results[1]
+    one, three = (look(mesh, hits, n_rays=16, threads=threads) for threads in (1, 3))
+    assert one.tobytes() == three.tobytes()
     odd = np.arange(5000) % 2 == 1
-    apart = hemispheres_on(mesh, hits.where(odd), frame)
-    np.testing.assert_array_equal(apart.set_ids, hemispheres.where(odd).set_ids)
+    np.testing.assert_array_equal(look(mesh, hits.where(odd), n_rays=16), one[odd])
 
 
 @pytest.mark.parametrize("caster", CASTERS)
 def test_rays_that_no_map_needs_are_not_cast(caster):
     mesh = icosphere(1)
-    frame = LocalFrame.around(mesh)
-    hemispheres = hemispheres_on(mesh, hits_on(mesh, [0, 1, 2]), frame)
-    for reach, missing in (
-        (OcclusionRange(1e-7, 1.0, 0.0), [DEPTH]),
-        (OcclusionRange(1e-7, 0.0, 1.0), [OPEN, 1, 2, 3]),
-    ):
-        met = caster(mesh, frame).cast_hemispheres(hemispheres, direction_sets(16), reach)
-        assert met.shape == (3, N_COLUMNS)
-        assert np.flatnonzero(np.isnan(met).all(axis=0)).tolist() == missing
-        assert np.isnan(met).any(axis=0).sum() == len(missing)
+    hits = hits_on(mesh, [0, 1, 2])
+    for needs, missing in (((OUTER,), [DEPTH]), ((INNER,), [OPEN, 1, 2, 3])):
+        found, n_rays = rays_on(mesh, caster=caster, needs=needs).cast(hits, 1)
+        assert found.secondary.shape == (3, N_COLUMNS) and n_rays == 3 * 64
+        assert np.flatnonzero(np.isnan(found.secondary).all(axis=0)).tolist() == missing
+        assert np.isnan(found.secondary).any(axis=0).sum() == len(missing)
 
 
 def test_a_hemisphere_stands_on_the_side_of_the_shading_normal():
@@ -241,7 +230,6 @@ def test_a_hemisphere_stands_on_the_side_of_the_shading_normal():
         normals=[[0.6, 0, 0.8]],
         normal_faces=[[0, 0, 0], [0, 0, 0]],
     )
-    frame = LocalFrame.around(mesh)
-    hemispheres = hemispheres_on(mesh, hits_on(mesh, [0, 1]), frame, flat=False)
+    hemispheres = rays_on(mesh, flat=False).hemispheres(hits_on(mesh, [0, 1]), 1)
     np.testing.assert_allclose(hemispheres.axes, [[0.6, 0, 0.8]] * 2, rtol=1e-6)
     np.testing.assert_allclose(hemispheres.planes, [[0, 0, 1], [0.6, 0, 0.8]], rtol=1e-6)

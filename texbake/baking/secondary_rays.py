@@ -18,8 +18,7 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import INNER, OUTER, MapKind
 from texbake.baking.scenes import BakeScenes
 from texbake.core import core
-from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.raycast.rays import (
     DEPTH,
@@ -75,15 +74,7 @@ class SecondaryRays:
         met = np.zeros((len(hits), N_COLUMNS), dtype=np.float32)
         is_hit = hits.is_hit
         found = hits if is_hit.all() else hits.where(is_hit)
-        hemispheres = hemispheres_of(
-            found,
-            self.inputs.high,
-            self.inputs.high_surface.normals,
-            frame,
-            width=options.width_px,
-            n_samples=n_samples,
-            threads=options.threads,
-        )
+        hemispheres = self.hemispheres(found, n_samples)
         n_rays = max(1, options.secondary_rays // n_samples)
         has_axis = np.asarray(hemispheres.axes.any(axis=1))
         if not has_axis.all():
@@ -98,47 +89,39 @@ class SecondaryRays:
         met[:, DEPTH] /= np.float32(frame.scale)
         return replace(hits, secondary=met), len(hemispheres) * n_rays * len(self.needs)
 
+    def hemispheres(self, hits: Hits, n_samples: int) -> Hemispheres:
+        """Hemispheres from hits, none of which is a miss. Kernel: `core/hemisphere_rays.c`.
 
-def hemispheres_of(
-    hits: Hits,
-    high: Mesh,
-    normals: tuple[npt.NDArray[np.float32], IntArray],
-    frame: LocalFrame,
-    *,
-    width: int,
-    n_samples: int = 1,
-    threads: int | None = None,
-) -> Hemispheres:
-    """Hemispheres from hits, none of which is a miss. Kernel: `core/hemisphere_rays.c`.
-
-    `width`: texels in a row; `n_samples`: samples per texel, which share its part of the net.
-    """
-    n = len(hits)
-    hemispheres = Hemispheres(
-        np.empty((n, 3)),
-        np.empty((n, 3), dtype=np.float32),
-        np.empty((n, 3), dtype=np.float32),
-        np.empty(n, dtype=np.uint32),
-    )
-
-    def fill(start: int, stop: int) -> None:
-        band = slice(start, stop)
-        core.place_hemispheres(
-            hits.high_faces[band],
-            hits.high_barycentrics[band],
-            high.positions,
-            high.faces,
-            frame.center,
-            frame.scale,
-            *normals,
-            hemispheres.points[band],
-            hemispheres.axes[band],
-            hemispheres.planes[band],
+        `n_samples`: samples per texel, which share its part of the net.
+        """
+        options, high, frame = self.inputs.options, self.inputs.high, self.scenes.frame
+        normals = self.inputs.high_surface.normals
+        n = len(hits)
+        hemispheres = Hemispheres(
+            np.empty((n, 3)),
+            np.empty((n, 3), dtype=np.float32),
+            np.empty((n, 3), dtype=np.float32),
+            np.empty(n, dtype=np.uint32),
         )
 
-    hemispheres.set_ids[:] = _shared_set_ids(hits.texel_ids, width, n_samples)
-    run_bands(fill, n, band=_BAND, threads=threads)
-    return hemispheres
+        def fill(start: int, stop: int) -> None:
+            band = slice(start, stop)
+            core.place_hemispheres(
+                hits.high_faces[band],
+                hits.high_barycentrics[band],
+                high.positions,
+                high.faces,
+                frame.center,
+                frame.scale,
+                *normals,
+                hemispheres.points[band],
+                hemispheres.axes[band],
+                hemispheres.planes[band],
+            )
+
+        hemispheres.set_ids[:] = _shared_set_ids(hits.texel_ids, options.width_px, n_samples)
+        run_bands(fill, n, band=_BAND, threads=options.threads)
+        return hemispheres
 
 
 def _shared_set_ids(texel_ids: IntArray, width: int, n_samples: int) -> npt.NDArray[np.uint32]:
