@@ -11,38 +11,17 @@ from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import checked_cage
 from texbake.errors import CageError, MissError, OptionError, UvError
+from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import turned_over
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 from texbake.texture.encoding import encode_normals
 
-
-def box_with_uvs(n_cells=3):
-    """A cube whose faces lie apart in a 3 x 2 grid of the texture, with hard edges."""
-    box = cube()
-    corners = box.positions[box.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    axes = np.abs(normals).argmax(axis=1)
-    sides = axes * 2 + (normals[np.arange(len(normals)), axes] > 0)
-    uvs = np.empty((box.n_faces, 3, 2))
-    low, size = box.positions.min(axis=0), np.ptp(box.positions, axis=0)
-    for face in range(box.n_faces):
-        others = [axis for axis in range(3) if axis != axes[face]]
-        flat = ((corners[face] - low) / size)[:, others]
-        cell = np.array([sides[face] % 3, sides[face] // 3])
-        uvs[face] = (cell + 0.05 + 0.9 * flat) / [3, 2]
-    unit = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    return box.replace(
-        uvs=uvs.reshape(-1, 2),
-        uv_faces=np.arange(box.n_faces * 3).reshape(-1, 3),
-        normals=unit,
-        normal_faces=np.repeat(np.arange(box.n_faces), 3).reshape(-1, 3),
-        name="box.obj",
-    )
-
-
-SHAPES = {"sphere": uv_sphere(12, 24), "box": box_with_uvs(), "plane": plane(3, 2)}
+HARD_NORMALS = dict(zip(("normals", "normal_faces"), flat_normals(cube()), strict=True))
+HARD_EDGES = unwrap(cube().replace(**HARD_NORMALS), size=96)
+SHAPES = {"sphere": uv_sphere(12, 24), "box": HARD_EDGES, "plane": plane(3, 2)}
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -83,22 +62,6 @@ def test_a_displaced_plane_gives_back_its_offset(height, scale):
     vectors = result.maps["vector-displacement"].values
     np.testing.assert_allclose(vectors[..., 2], height * scale, rtol=1e-6)
     np.testing.assert_allclose(vectors[..., :2], 0, atol=1e-6 * scale)
-
-
-def test_a_wavy_plane_is_its_own_height_within_one_step_of_16_bits():
-    def waves(x, y):
-        return 0.05 * np.sin(5 * x) * np.cos(4 * y)
-
-    low, high = plane(), plane(500, 500, waves)
-    options = BakeOptions(size=128, maps=("displacement",), front=0.1, back=0.1, padding=0)
-    values = bake(high, low, options).maps["displacement"].values[..., 0]
-    low_corner, high_corner = low.bounds
-    x = low_corner[0] + (np.arange(128) + 0.5) / 128 * (high_corner - low_corner)[0]
-    y = low_corner[1] + (127.5 - np.arange(128)) / 128 * (high_corner - low_corner)[1]
-    expected = waves(x[np.newaxis], y[:, np.newaxis])
-    # One step of the range in 16 bits; the high-poly grid itself is off by h^2/8 of the curvature.
-    chord = (high_corner - low_corner)[0] ** 2 / 500**2 / 8 * 0.05 * 41
-    assert np.abs(values - expected).max() < 0.1 / 65535 + chord
 
 
 @pytest.mark.parametrize("space", ["tangent", "object", "world"])
@@ -388,15 +351,6 @@ def test_faces_without_a_texel_are_reported():
     report = bake(low, mesh, BakeOptions(size=16, front=0.1, back=0.1)).report
     assert report.faces_without_texel == 2
     assert any("2 of 4 triangles own no texel" in warning for warning in report.warnings)
-
-
-def test_a_mesh_kept_inside_out_misses_everything_with_a_hint():
-    low = uv_sphere(8, 16)
-    options = BakeOptions(size=32, front=0.1, back=0.1, orientation="keep")
-    report = bake(low.replace(faces=low.faces[:, ::-1]), low, options).report
-    assert report.miss_percent == 100.0
-    assert report.counts.rays_past_back_faces == report.counts.rays_cast
-    assert any("inside out" in warning for warning in report.warnings)
 
 
 @pytest.mark.parametrize("tile", [0, 1])

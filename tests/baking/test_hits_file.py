@@ -176,11 +176,6 @@ def npy(shape, dtype, data):
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + data
 
 
-def of_contents(data, place, bit):
-    """Flip a bit of the first entry in the table of contents."""
-    return flipped(data, data.index(b"PK\x01\x02") + place, bit)
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -191,9 +186,6 @@ def of_contents(data, place, bit):
         lambda data: data[: len(data) // 2],
         *(partial(lambda at, data: flipped(data, int(at * len(data)), 16), at)
           for at in (0.2, 0.5, 0.9)),
-        # Required version, flags (encrypted, patched) and method.
-        *(partial(lambda place, bit, data: of_contents(data, place, bit), *spot)
-          for spot in ((6, 64), (8, 1), (8, 32), (8, 64), (10, 1))),
         # Shapes beyond the file, a compressed entry, and one that is no array.
         *(partial(lambda shape, data: rezipped(
             data, **{"offsets.npy": npy(shape, "<f4", b"\0" * 64)}), shape)

@@ -1,12 +1,12 @@
-"""Rays in bundles: the same hits as one by one, and where on a triangle they are."""
+"""Rays in bundles: the same hits as one by one and of other casters, and where they are."""
 
 import numpy as np
 import pytest
-from embreex_oracle import PlainScene
+from embreex_oracle import EmbreexScene, PlainScene
 
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import icosphere, uv_sphere
+from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.raycast.morton_tree import WIDTH, MortonTree
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import BUNDLE_SIDE, RayPlaces, RayScene
@@ -127,3 +127,41 @@ def test_rays_from_one_point_and_equal_rays():
         assert (found.faces != NO_HIT).all()
         assert (found.faces[250:] == found.faces[0]).all()
         assert not (scene.cast(rays, places=places).faces != NO_HIT).any()
+
+
+CASTERS = [RayScene.build, EmbreexScene, PlainScene]
+
+
+@pytest.mark.parametrize("caster", CASTERS)
+def test_back_faces_are_passed_through_and_reported(caster):
+    high = cube()
+    frame = LocalFrame.around(high)
+    center = np.zeros((50, 3))
+    directions = np.random.default_rng(1).normal(size=(50, 3))
+    inside = Rays(
+        center,
+        directions / np.linalg.norm(directions, axis=1, keepdims=True),
+        np.full(50, 4.0),
+        np.zeros(50),
+    )
+    culled = caster(high, frame).cast(inside)
+    assert (culled.faces == NO_HIT).all()
+    assert culled.passed_back.all()
+    seen = caster(high, frame).cast(inside, cull_back_faces=False)
+    assert (seen.faces != NO_HIT).all()
+    assert seen.passed_back.all()
+    # A closed form: the way out of a cube of half size h is h over the greatest component.
+    half = frame.to_local(high.positions).max()
+    np.testing.assert_allclose(seen.distances, half / np.abs(inside.directions).max(axis=1))
+
+
+def test_degenerate_triangles_are_never_hit_and_hide_nothing():
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    high = Mesh(positions=square, faces=[[0, 1, 1], [0, 0, 0], [0, 2, 0], [0, 1, 2], [0, 2, 3]])
+    frame = LocalFrame.around(high)
+    targets = frame.to_local(np.random.default_rng(0).uniform(0.01, 0.99, (200, 3)) * [1, 1, 0])
+    down = np.tile([0.0, 0.0, -1.0], (200, 1))
+    rays = Rays(targets - 0.2 * down, down, np.full(200, 0.4), np.full(200, 0.2))
+    for caster in CASTERS:
+        found = caster(high, frame).cast(rays)
+        assert (found.faces >= 3).all()

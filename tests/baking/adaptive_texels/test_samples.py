@@ -203,20 +203,6 @@ def test_each_of_several_maps_has_its_own_estimate():
     assert wide[99] < 0.8 * once["displacement"][99]
 
 
-def test_closer_bounds_cast_more_and_are_nearer():
-    high, low = plane(60, 60, bumps), plane()
-    truth, has_data = means_by_brute_force(high, low, options(), ("normal",))["normal"]
-    rays, errors = [], []
-    for bound in ("8deg", "2deg", "0.5deg", "0.1deg"):
-        result = bake(high, low, options(max_error=bound))
-        rays.append(result.report.sampling.rays_per_texel)
-        off = degrees(result.maps["normal"].values.astype(float), truth)[has_data]
-        errors.append(np.sqrt((off**2).mean()))
-    assert rays == sorted(rays)
-    assert errors == sorted(errors, reverse=True)
-    assert errors[-1] < 0.25 * errors[0]
-
-
 def test_slivers_and_uncovered_centers_get_their_texels():
     """A chart 0.3 texels wide beside the centers, and one that only a center lies in."""
 

@@ -2,7 +2,6 @@
 
 import time
 
-import numpy as np
 import pytest
 
 from tests.chosen_bounds import chosen_bounds
@@ -99,16 +98,6 @@ def test_the_time_includes_what_went_before_and_what_follows():
     assert calls == [{"normal": (16, 32, 3)}, {"normal": (128, 32, 3)}]
     assert report.budget.before_seconds > 2.0
     assert report.budget.least_seconds > 2.0 + 0.002 * 160
-
-
-def test_texels_without_any_surface_below_them_are_no_obstacle():
-    high = bumpy()
-    half = type(high)(positions=high.positions, faces=high.faces[: len(high.faces) // 2])
-    same = {"size": 32, "front": 0.1, "back": 0.1}
-    by_time = bake(half, plane(), BakeOptions(**same, time_budget=600, max_error="1deg"))
-    assert by_time.report.texels_missed > 0
-    assert_same(by_time, bake(half, plane(), BakeOptions(**same, max_error="1deg")))
-    assert np.isfinite(by_time.maps["normal"].values).all()
 
 
 def test_a_share_of_a_mesh_without_extent_bounds_nothing():

@@ -160,23 +160,6 @@ def test_a_surface_of_several_groups_is_not_matched_by_itself():
     assert match_objects([renamed(HIGH, "a", "b")], [low], PartsOptions()) is None
 
 
-@pytest.mark.parametrize("samples", [1, 4, "adaptive"])
-def test_one_of_each_is_a_plain_bake(samples):
-    maps = ("normal", "displacement") if samples == "adaptive" else MAPS
-    chosen = options(samples=samples, maps=maps, fill="push-pull")
-    plain = bake(HIGH, LOW, chosen)
-    for udim in (False, True):
-        parts = PartsOptions(udim=udim, join_objects=True)
-        result = bake_parts([HIGH], [LOW], chosen, parts)
-        assert list(result.targets) == [ONLY]
-        found = result.targets[ONLY]
-        assert_same(found, plain)
-        same = ("texels_covered", "texels_missed", "faces_without_texel", "padding_meets",
-                "distance_percentiles", "counts")  # fmt: skip
-        for field in same:
-            assert getattr(found.report, field) == getattr(plain.report, field), field
-
-
 def test_occluders_are_all_or_the_match():
     """A lid darkens the plate below it, unless only its match occludes; rays hit the plate in both.
 
@@ -317,23 +300,6 @@ def test_a_hit_of_another_part_replaces_a_miss():
     result = bake_parts([far, near], [first, second], chosen, MATCH)
     assert result.targets[ONLY].has_data.all()
     assert result.report.n_overlapping == 64
-
-
-def test_integer_files_of_tiles_share_one_scale(tmp_path):
-    low = join_meshes([plane(), plane().replace(positions=plane().positions + np.array([2, 0, 0]),
-                                                uvs=plane().uvs + np.array([1, 0]))])  # fmt: skip
-    lift = np.repeat([0.1, 0.4], 4)[:, np.newaxis] * [0, 0, 1]
-    high = low.replace(positions=low.positions + lift)
-    chosen = BakeOptions(size=8, maps=("displacement",))
-    result = bake_parts([high], [low], chosen, PartsOptions(udim=True), folder=tmp_path)
-    files = {target: {"displacement": tmp_path / f"{target.udim}.png"} for target in result.targets}
-    written = result.write(files)
-    assert [file.path.name for file in written] == ["1001.png", "1002.png"]
-    assert written[0].metadata == written[1].metadata
-    exr = {target: {"displacement": tmp_path / f"{target.udim}.exr"} for target in result.targets}
-    alone = [baked.maps["displacement"].values for baked in result.targets.values()]
-    assert [float(values.max()) for values in alone] == pytest.approx([0.1, 0.4])
-    assert all(file.metadata["texbake:displacement_scale"] == 1.0 for file in result.write(exr))
 
 
 def test_maps_that_are_kept_in_files_are_the_same(tmp_path):

@@ -337,16 +337,3 @@ def test_an_exact_shift_changes_no_bit():
 
     there = here.replace(positions=here.positions + shift)
     np.testing.assert_array_equal(baked(there, shift), baked(here, np.zeros(3)))
-
-
-def test_a_mesh_of_any_size_takes_the_same_colors_from_a_mesh_unwrapped_onto_a_photograph() -> None:
-    mesh = uv_sphere(6, 8)
-    image = np.random.default_rng(0).random((8, 8, 4)).astype(np.float32)
-    image[0, 0] = np.inf, 0.0, 0.0, 0.0
-    small, large = (
-        bake_photos(
-            mesh.replace(positions=mesh.positions * scale), [Photo(image=image, mapped=mesh)], EVEN
-        ).values
-        for scale in (1.0, 2.0**900)
-    )
-    np.testing.assert_array_equal(small, large)
