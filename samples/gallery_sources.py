@@ -14,7 +14,7 @@ from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.light_maps import bake_light_maps
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import cube
 from texbake.texture.cube_lookup import from_latitude_longitude
 from texbake.texture.heights_and_normals import height_to_normal

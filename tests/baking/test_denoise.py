@@ -9,7 +9,7 @@ from texbake.baking.bake import bake
 from texbake.baking.maps import MAPS
 from texbake.baking.options import BakeOptions
 from texbake.baking.texel_values import denoised
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 

@@ -8,8 +8,7 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
-from texbake.mesh.compose import turned_over
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes, turned_over
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere
 

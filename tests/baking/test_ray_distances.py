@@ -8,7 +8,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.ray_distances import MARGIN
 from texbake.baking.scenes import BakeScenes
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.progress import Stages

@@ -5,8 +5,8 @@ import pytest
 
 from texbake.baking.rays import RayField, UnobstructedRays
 from texbake.baking.texels import Samples
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.raycast.scene import RayScene

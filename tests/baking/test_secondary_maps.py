@@ -10,7 +10,7 @@ from texbake.baking import scenes
 from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions, SecondaryOptions
 from texbake.errors import OptionError
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.metadata import THICKNESS_SCALE

@@ -10,8 +10,8 @@ from texbake.baking.maps import INNER, OUTER
 from texbake.baking.options import BakeOptions
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, uv_sphere

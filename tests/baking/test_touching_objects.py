@@ -14,9 +14,8 @@ from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.options import RunOptions
 from texbake.jobs.run import run
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.compose import transformed
+from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.parametric.make import make

@@ -9,8 +9,8 @@ import pytest
 
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image

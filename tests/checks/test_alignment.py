@@ -11,8 +11,8 @@ from texbake.checks.pair import require_alignment
 from texbake.errors import MeshError
 from texbake.jobs.maps import bake_files
 from texbake.jobs.parts import bake_parts_files
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.verbs.cage import cage_file

@@ -11,7 +11,7 @@ from texbake.checks.check import check
 from texbake.checks.checked_mesh import CheckedMesh
 from texbake.checks.kinds import CheckOptions
 from texbake.checks.surface import crossed_by
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 

@@ -10,9 +10,8 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from texbake.baking.cage import fit_cage
-from texbake.mesh.compose import transformed
+from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, orange, plane, uv_sphere
 from texbake.verbs.cage import cage_file

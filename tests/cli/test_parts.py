@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from texbake import read_image, write_mesh
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import plane
 
 

@@ -9,6 +9,7 @@ from texbake.core import core
 from texbake.errors import MeshError
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import decimate, distance, remesh as remesh_module
+from texbake.mesh.decimate import weld_corners
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RemeshOptions
@@ -18,7 +19,6 @@ from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.mesh.simplify import simplify_with_report
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.mesh.vertex_stream import weld_corners
 from texbake.mesh.weld import later_copies, without_copies
 from texbake.raycast import orientation
 from texbake.raycast.morton_tree import MortonTree

@@ -10,9 +10,9 @@ import pytest
 from texbake.errors import FileFormatError, OptionError, ReadWarning, heard_warnings
 from texbake.jobs.lighten import _once
 from texbake.jobs.options import LightenOptions, RunOptions
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.join import join_meshes
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,

@@ -15,7 +15,7 @@ from texbake.mapping.distortion import distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink

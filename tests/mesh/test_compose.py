@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.mesh.compose import excerpt, is_mirroring, transformed
-from texbake.mesh.join import join_meshes, join_parts, with_alpha
+from texbake.mesh.compose import (
+    excerpt,
+    is_mirroring,
+    join_meshes,
+    join_parts,
+    transformed,
+    with_alpha,
+)
 from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents

@@ -7,10 +7,10 @@ import pytest
 
 from tests.glb import GltfFile
 from texbake.errors import MeshError, heard_warnings
+from texbake.mesh.compose import MeshPart
 from texbake.mesh.files import gltf_primitives, read_mesh
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
-from texbake.mesh.join import MeshPart
 from texbake.verbs.info import info_file
 
 

@@ -8,19 +8,10 @@ import pytest
 from tests.models import model, real
 from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import plane
+from texbake.mesh.shapes import cube, plane
 
-CUBE = np.array([[x, y, z] for x in (0, 2) for y in (0, 3) for z in (0, 4)], dtype=float)
-CUBE_FACES = np.array(
-    [
-        [[0, 1, 3], [0, 3, 2]],
-        [[4, 6, 7], [4, 7, 5]],
-        [[0, 4, 5], [0, 5, 1]],
-        [[2, 3, 7], [2, 7, 6]],
-        [[0, 2, 6], [0, 6, 4]],
-        [[1, 5, 7], [1, 7, 3]],
-    ]
-).reshape(-1, 3)
+CUBE = (cube().positions + 0.5) * [2.0, 3.0, 4.0]
+CUBE_FACES = cube().faces
 
 
 def test_box():

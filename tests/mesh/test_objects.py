@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from texbake.checks.check import check
-from texbake.mesh.compose import transformed
+from texbake.mesh.compose import join_meshes, join_parts, transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
-from texbake.mesh.join import join_meshes, join_parts
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, vertex_curvatures
-from texbake.mesh.objects import face_objects, joined_objects, object_names, vertex_objects
+from texbake.mesh.objects import joined_objects, object_names, vertex_objects
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube, icosphere
@@ -42,11 +41,6 @@ def obj_text(statement: str, *, welded: bool = False) -> str:
 
 def corner_normals(mesh: Mesh) -> np.ndarray:
     return smooth_normals(mesh)[mesh.faces]
-
-
-def test_objects_are_found_once_for_a_mesh():
-    mesh = join_meshes(CUBES)
-    assert face_objects(mesh) is face_objects(mesh) is not None
 
 
 # A square with one side on the y axis, and the way to the square that ends there.

@@ -7,6 +7,7 @@ import pytest
 
 from texbake import OptionError, make
 from texbake.mesh.normals import face_normals
+from texbake.mesh.remeshing.boundary import Loops
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges
 from texbake.texture.lookup import lookup
 
@@ -85,25 +86,6 @@ def test_arrays_that_are_no_images(image, message):
         make("height-field", image=image)
 
 
-def loops(edges):
-    """Number of closed loops that edges make, each of whose vertices two of them have."""
-    at = {}
-    for a, b in edges.tolist():
-        at.setdefault(a, []).append(b)
-        at.setdefault(b, []).append(a)
-    assert all(len(ends) == 2 for ends in at.values())
-    count, left = 0, set(at)
-    while left:
-        walk = [left.pop()]
-        while walk:
-            for vertex in at[walk.pop()]:
-                if vertex in left:
-                    left.remove(vertex)
-                    walk.append(vertex)
-        count += 1
-    return count
-
-
 @pytest.mark.parametrize("twists", [-3, -1, 0, 1, 2, 3])
 @pytest.mark.parametrize("resolution", [(3, 1), (24, 5)])
 def test_topology(twists, resolution):
@@ -113,7 +95,7 @@ def test_topology(twists, resolution):
     odd = twists % 2 == 1
     assert (mesh.n_vertices, mesh.n_faces) == (n_u * (n_v + 1), 2 * n_u * n_v)
     assert euler_characteristic(mesh.faces, edges) == 0
-    assert loops(edges.vertices[edges.boundary]) == (1 if odd else 2)
+    assert len(Loops.of(mesh.positions, mesh.faces).sizes) == (1 if odd else 2)
     assert edges.misoriented.sum() == (n_v if odd else 0)
     assert not edges.non_manifold.any()
     assert face_components(mesh.faces, mesh.n_vertices)[1] == 1
@@ -141,20 +123,6 @@ def test_corners_follow_the_closed_form(twists):
     expected /= np.linalg.norm(expected, axis=1, keepdims=True)
     normals = mesh.normals[mesh.normal_faces].reshape(-1, 3)
     assert np.abs(normals - expected).max() < 1e-7
-
-
-def test_normals_jump_to_the_other_side_at_the_seam_and_nowhere_else():
-    mesh = make("mobius", resolution=(64, 4))
-    u = mesh.corner_uvs()[..., 0].ravel()
-    vertices, normals = mesh.faces.ravel(), mesh.normals[mesh.normal_faces].reshape(-1, 3)
-    for vertex in set(vertices[u == 0.0].tolist()):
-        start = normals[(vertices == vertex) & (u == 0.0)]
-        end = normals[(vertices == vertex) & (u == 1.0)]
-        assert (start == start[0]).all()
-        assert (end == -start[0]).all()
-    within = (u > 0.0) & (u < 1.0)
-    pairs = np.unique(np.column_stack([vertices, mesh.normal_faces.ravel()])[within], axis=0)
-    assert len(np.unique(pairs[:, 0])) == len(pairs)
 
 
 def test_faces_look_where_their_normals_do():

@@ -115,14 +115,6 @@ def test_counts_and_texture_are_those_of_the_grid():
     assert find_edges(open_cylinder.faces).boundary.sum() == 2 * 12
 
 
-def test_the_seam_is_at_the_back_and_the_front_in_the_middle():
-    mesh = make("sphere", resolution=(8, 4))
-    for u, z in (0.0, -1.0), (1.0, -1.0), (0.5, 1.0):
-        at = np.flatnonzero((mesh.uvs == [u, 0.5]).all(axis=1))
-        (vertex,) = set(mesh.faces[np.isin(mesh.uv_faces, at)].tolist())
-        assert mesh.positions[vertex].tolist() == [0.0, 0.0, z]
-
-
 @pytest.mark.parametrize("sides", [3, 4, 7])
 @pytest.mark.parametrize("resolution", [None, 5, (20, 3)])
 def test_prisms_and_pyramids_have_their_volumes_and_flat_sides(sides, resolution):
@@ -190,30 +182,6 @@ def test_long_segments_get_more_rows_and_every_point_stays():
     heights = set(mesh.positions[:, 1].tolist())
     assert heights == set(range(10))
     assert lathe([(1, 0), (1, 9), (2, 9)], resolution=(8, 1)).n_faces == 2 * 8 * 2
-
-
-def test_a_fine_half_circle_is_a_sphere_with_its_normals():
-    steps = np.arange(181)
-    circle = np.stack([np.sin(np.pi * steps / 180), -np.cos(np.pi * steps / 180)], axis=-1)
-    circle[[0, -1], 0] = 0.0
-    mesh = lathe(circle, resolution=(90, 1))
-    edges = find_edges(mesh.faces)
-    assert genus(mesh.faces, edges, mesh.n_vertices) == 0
-    _, v, positions, normals = corners_of(mesh)
-    inner = (v > 0) & (v < 1)
-    assert np.abs(normals - positions)[inner].max() < 1e-14  # means of evenly spaced chords
-    assert normals[v == 1.0].tolist() == [[0.0, 1.0, 0.0]] * 90
-    assert normals[v == 0.0].tolist() == [[0.0, -1.0, 0.0]] * 90
-
-
-def test_creases_are_where_the_profile_turns_sharply():
-    profile = [(1, 0), (1, 1), (1.1, 2)]  # turns by 5.7 degrees
-    smooth, hard = lathe(profile), lathe(profile, crease=5)
-    assert len(smooth.normals) == 24 * 3
-    assert len(hard.normals) == 24 * 2  # one of each segment
-    assert smooth.n_vertices == hard.n_vertices == 24 * 3
-    assert len(smooth.uvs) == len(hard.uvs) == 25 * 3
-    assert np.linalg.norm(smooth.normals, axis=1) == pytest.approx(np.ones(72), abs=1e-15)
 
 
 @given(

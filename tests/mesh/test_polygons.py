@@ -8,10 +8,9 @@ import pytest
 from tests.fbx_writer import scene, shape, written
 from texbake.checks.check import check
 from texbake.errors import MeshError, ReadWarning, TexbakeError
-from texbake.mesh.compose import excerpt, transformed, turned_over
+from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.repair import repair

@@ -9,18 +9,18 @@ import pytest
 from tests.mesh.test_shapes import open_edges, signed_volume
 from tests.models import BROKEN, HAS_REAL, level_surface, model, moved, real, soup_of
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.decimate import bring_down
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.decimate import bring_down, gather, weld_corners, weld_positions
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded, with_normals
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import face_normals
 from texbake.mesh.objects import face_objects, joined_objects, object_names
 from texbake.mesh.options import QUALITIES
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import Trial, search_fewest, simplify, simplify_with_report
 from texbake.mesh.topology import face_components, find_edges, genus
-from texbake.mesh.vertex_stream import gather, weld_corners, weld_positions
 
 BOTH = pytest.mark.parametrize("quality", QUALITIES)
 
@@ -56,23 +56,6 @@ def assert_same(a, b):
         left, right = getattr(a, field), getattr(b, field)
         assert (left is None) == (right is None)
         assert left is None or left.tobytes() == right.tobytes()
-
-
-def folded_sheet():
-    """Two flat squares at a right angle, finely cut, with a normal for each side of the fold."""
-    x, y = plane(20, 20).positions[:, :2].T
-    side = plane(20, 20)
-    positions = np.concatenate(
-        [np.stack([x, y, 0.0 * x], axis=1), np.stack([1.0 + 0.0 * x, y, -x], axis=1)]
-    )
-    faces = np.concatenate([side.faces, side.faces + side.n_vertices])
-    normal_faces = np.repeat([[0, 0, 0], [1, 1, 1]], side.n_faces, axis=0)
-    return Mesh(
-        positions=positions,
-        faces=faces,
-        normals=[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]],
-        normal_faces=normal_faces,
-    )
 
 
 @BOTH
@@ -187,22 +170,19 @@ def test_a_mesh_with_no_more_faces_is_returned_itself(quality):
 
 
 @BOTH
-def test_flat_parts_cost_nothing(quality):
+@pytest.mark.parametrize("is_hard", [False, True])
+def test_flat_parts_cost_nothing_and_hard_edges_keep_their_normals(is_hard, quality):
     # A finely cut box comes down to its 12 triangles and loses nothing.
-    side = plane(8, 8)
-    sides = [np.roll(side.positions, shift, axis=1) for shift in range(3)]
-    # Those at 0 face inward as `plane` winds them; their reflections through the center, outward.
-    faces = [side.faces[:, ::-1]] * 3 + [side.faces] * 3
-    box = Mesh(
-        positions=np.concatenate([*sides, *(1.0 - positions for positions in sides)]),
-        faces=np.concatenate([rows + side.n_vertices * k for k, rows in enumerate(faces)]),
-    )
-    assert signed_volume(box) == pytest.approx(1.0)
+    box = divided(cube(), 3)
+    box = with_normals(box, "angle") if is_hard else box
     low, report = simplify_with_report(box, 12, quality=quality)
     assert low.n_faces == 12
     assert report.distance.max < 1e-6
     assert not open_edges(low)
     assert signed_volume(low) == pytest.approx(1.0, abs=1e-5)
+    if is_hard:
+        sides = np.repeat(face_normals(low)[:, None], 3, axis=1)
+        np.testing.assert_allclose(low.normals[low.normal_faces], sides, atol=1e-6)
 
 
 @BOTH
@@ -229,21 +209,6 @@ def test_a_long_boundary_keeps_its_shape(quality):
     # Rings at z = ± cos 0.6; the sag of 300 triangles on a unit sphere is about 0.02.
     assert np.abs(np.abs(edge[:, 2]) - np.cos(0.6)).max() < 0.02
     assert report.distance.max_relative < 0.02
-
-
-@BOTH
-def test_a_hard_edge_is_kept_with_its_normals(quality):
-    mesh = folded_sheet()
-    low, report = simplify_with_report(mesh, 40, quality=quality)
-    assert low.n_faces <= 40
-    assert low.normals is not None
-    assert report.distance.max < 1e-6
-    corners = low.positions[low.faces]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    crosses /= np.linalg.norm(crosses, axis=1, keepdims=True)
-    assert np.einsum("fx,fcx->fc", crosses, low.normals[low.normal_faces]) == pytest.approx(
-        np.ones((low.n_faces, 3))
-    )
 
 
 @BOTH

@@ -105,32 +105,6 @@ def test_mirrored_halves_keep_their_own_tangents_at_the_shared_edge():
     assert (tangents[1] == [1, 0, 0, 1]).all()
 
 
-def test_tangents_of_a_cylinder_are_shared_by_its_rings():
-    n = 24
-    angles = np.arange(n + 1) * 2 * np.pi / n
-    ring = np.stack([np.cos(angles), np.sin(angles), np.zeros(n + 1)], axis=1)
-    ring[n] = ring[0]  # the seam: two vertices at one place
-    positions = np.concatenate([ring, ring + np.array([0.0, 0.0, 1.0])])
-    uvs = np.concatenate([np.stack([angles, np.full(n + 1, z)], axis=1) for z in (0.0, 1.0)])
-    first = np.arange(n)
-    faces = np.concatenate(
-        [
-            np.stack([first, first + 1, first + n + 2], axis=1),
-            np.stack([first, first + n + 2, first + n + 1], axis=1),
-        ]
-    )
-    normals = np.concatenate([ring, ring])
-    mesh = Mesh(
-        positions=positions, faces=faces, uvs=uvs, uv_faces=faces, normals=normals,
-        normal_faces=faces,
-    )  # fmt: skip
-    tangents = corner_tangents(mesh)
-    normals = normals[faces]
-    expected = np.stack([-normals[..., 1], normals[..., 0], normals[..., 2]], axis=2)
-    assert np.abs(tangents[..., :3] - expected).max() < ROUNDING
-    assert (tangents[..., 3] == 1).all()
-
-
 class TestInvariance:
     @pytest.mark.parametrize("exponent", [-900, -20, 20, 900])
     def test_power_of_two_changes_no_bit(self, exponent):

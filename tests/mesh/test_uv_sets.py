@@ -10,9 +10,8 @@ from texbake.errors import FileFormatError, MeshError, OptionError, UvError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.compose import excerpt, transformed, turned_over
+from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import MOST_UV_SETS, UvSet
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.verbs.transform import transform_file

@@ -7,8 +7,8 @@ from skimage.measure import euler_number, label
 
 from tests.models import handles, level_surface
 from texbake.core import core
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.distance import face_areas, surface_distance
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere, plane

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from texbake.core.builds import find_builds
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.raycast.morton_tree import MortonTree

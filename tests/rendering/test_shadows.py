@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.rendering.conftest import pixel_rays
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.camera import Camera

@@ -13,7 +13,7 @@ import numpy as np
 
 from texbake.errors import counted
 from texbake.files import PathLike
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import Camera, fill_picture

@@ -35,8 +35,8 @@ from texbake.jobs.maps import (
     read_ray_image,
 )
 from texbake.jobs.outputs import JobResult, check_distinct
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects

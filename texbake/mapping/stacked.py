@@ -191,7 +191,7 @@ def _named_faces(mesh: Mesh, names: Sequence[str]) -> BoolArray:
         if name in mesh.group_names and mesh.face_groups is not None:
             chosen |= mesh.face_groups == mesh.group_names.index(name)
         elif name.isdecimal() and int(name) < mesh.n_polygons:
-            numbers = np.arange(mesh.n_faces) if mesh.polygon_of is None else mesh.polygon_of
+            numbers = mesh.polygon_numbers
             chosen |= numbers == int(name)
         else:
             groups = f", or one of its groups {', '.join(mesh.group_names)}"

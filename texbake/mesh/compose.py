@@ -1,4 +1,4 @@
-"""Meshes made of other meshes: cut out, moved by an affine map, and flipped.
+"""Meshes made of other meshes: cut out, moved by an affine map, flipped, and put into one.
 
 Under a map, normals follow by the inverse transpose and tangents as directions along the surface. A
 map that mirrors turns triangles inside out; they are turned back by listing their corners in the
@@ -8,15 +8,15 @@ surface.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, UvSet
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, UvSet, require_few_sets
 
 # Fields of a mesh with a row of three indices for each face.
 CORNERS = ("faces", "uv_faces", "normal_faces")
@@ -68,49 +68,6 @@ def used_rows(corners: IntArray, n_rows: int) -> tuple[npt.NDArray[np.intp], Int
     return np.flatnonzero(used), numbers[corners]
 
 
-def split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
-    """Split vertices so that each has one texture coordinate and one normal.
-
-    Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
-    then copies; `corners` (n,) int64: a corner of each, -1 for those that no face uses; `faces` (F,
-    3) int32.
-    """
-    used = np.full(mesh.n_vertices, -1)
-    keys = [mesh.faces.ravel()]
-    for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
-        if values is None or ids is None:
-            continue
-        used[keys[0]] = np.arange(mesh.faces.size)
-        if not np.array_equal(ids.ravel()[used[mesh.faces]], ids):
-            keys.append(weld_rows(values)[ids.ravel()])
-    if len(keys) == 1:  # each vertex has the values of the last corner that uses it
-        return np.arange(mesh.n_vertices), used, mesh.faces
-    firsts = weld_rows(np.stack(keys, axis=1))
-    places = np.flatnonzero(firsts == np.arange(len(firsts)))  # a corner of each new vertex
-    vertices, of_vertex = np.unique(mesh.faces.ravel()[places], return_index=True)
-    is_copy = np.ones(len(places), np.bool_)
-    is_copy[of_vertex] = False
-    copies = places[is_copy]
-    corners: npt.NDArray[np.int64] = np.append(np.full(mesh.n_vertices, -1), copies)
-    corners[vertices] = places[of_vertex]
-    numbers = np.empty(len(firsts), np.int32)  # of the new vertex at its first corner
-    numbers[corners[corners >= 0]] = np.flatnonzero(corners >= 0)
-    rows: npt.NDArray[np.int64] = np.append(
-        np.arange(mesh.n_vertices), mesh.faces.ravel()[copies]
-    ).astype(np.int64)
-    faces: IntArray = numbers[firsts].reshape(-1, 3)
-    return rows, corners, faces
-
-
-def values_of_vertices(
-    values: npt.NDArray[Any], ids: IntArray, corners: npt.NDArray[np.int64]
-) -> npt.NDArray[Any]:
-    """(n, K) values of the `corners` that `split_vertices` returns; 0 where no face is."""
-    by_vertex = values[ids.ravel()[corners]]
-    by_vertex[corners < 0] = 0.0
-    return by_vertex
-
-
 # What float32 leaves of a unit vector, which stays as it is, bit for bit.
 _UNIT = 1e-6
 
@@ -128,8 +85,9 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
         changes["normals"] = transformed_normals(mesh.normals, linear)
     if mesh.tangents is not None:
         flat = mesh.tangents.reshape(-1, 4)
-        turned = transformed_tangents(flat, linear).reshape(mesh.tangents.shape)
-        changes["tangents"] = turned[:, order]
+        signs = -1.0 if is_mirroring(linear) else 1.0
+        moved = signed_tangents(pm.matmul(flat[:, :3], linear.T), flat[:, 3:], signs)
+        changes["tangents"] = moved.reshape(mesh.tangents.shape)[:, order]
     changes["polygon_of"] = mesh.polygon_of
     return mesh.replace(**changes)
 
@@ -159,12 +117,6 @@ def normal_map(linear: FloatArray) -> FloatArray:
 def transformed_normals(normals: FloatArray, linear: FloatArray) -> FloatArray:
     """(N, 3) normals under a (3, 3) map."""
     return pm.matmul(normals, normal_map(linear).T)
-
-
-def transformed_tangents(tangents: npt.NDArray[Any], linear: FloatArray) -> npt.NDArray[np.float32]:
-    """(n, 4) tangents under a (3, 3) map: unit where they do not vanish, w 1 or -1."""
-    signs = -1.0 if is_mirroring(linear) else 1.0
-    return signed_tangents(pm.matmul(tangents[:, :3], linear.T), tangents[:, 3:], signs)
 
 
 def signed_tangents(
@@ -207,3 +159,225 @@ def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
         changes["normals"] = np.concatenate([mesh.normals, -mesh.normals])
         changes["normal_faces"][turned] += len(mesh.normals)
     return mesh.replace(**changes)
+
+
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Put meshes into one, each as a group of its own, named as the mesh.
+
+    Left out are colors, tangents, and texture coordinates or normals that not all of them have.
+    """
+    if len(meshes) == 1:
+        return meshes[0]
+    changes: dict[str, Any] = {"colors": None, "tangents": None, "group_objects": ()}
+    for values, corners in (("uvs", "uv_faces"), ("normals", "normal_faces")):
+        if any(getattr(mesh, values) is None for mesh in meshes):
+            changes |= {values: None, corners: None}
+    parts = [
+        mesh.replace(
+            face_groups=np.zeros(mesh.n_faces, np.int32), group_names=(mesh.name,), **changes
+        )
+        for mesh in meshes
+    ]
+    return join_parts(parts, f"{len(meshes)} meshes")
+
+
+def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
+    """Index arrays joined, each offset by the lengths of what those before it index."""
+    offsets = np.cumsum([0, *(length for _, length in parts[:-1])], dtype=np.int32)
+    joined = np.concatenate([part for part, _ in parts]).astype(np.int32, copy=False)
+    moves = np.repeat(offsets, [len(part) for part, _ in parts])
+    joined += moves.reshape(-1, *[1] * (joined.ndim - 1))
+    return joined
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A part of a mesh with the fields of `Mesh` but groups and name, not checked.
+
+    Corners have one index for all attributes but positions and colors.
+    """
+
+    positions: FloatArray  # (V, 3) float64
+    faces: IntArray  # (F, 3) int32; indices into `positions`, and into `colors`
+    corners: IntArray  # (F, 3) int32; indices into all other attributes
+    uvs: FloatArray | None  # (n, 2) float64
+    normals: FloatArray | None  # (n, 3) float64
+    tangents: FloatArray | None  # (n, 4) float64
+    colors: npt.NDArray[np.float32] | None  # (V, 3) or (V, 4) float32; linear
+    uv_sets: Mapping[str, UvSet] = field(default_factory=dict)
+
+    @property
+    def uv_faces(self) -> IntArray:
+        """(F, 3) int32; indices into `uvs`."""
+        return self.corners
+
+    @property
+    def normal_faces(self) -> IntArray:
+        """(F, 3) int32; indices into `normals`."""
+        return self.corners
+
+
+Part = Mesh | MeshPart
+
+
+def join_parts(
+    parts: Sequence[Part],
+    name: str,
+    matrices: FloatArray | None = None,
+    *,
+    groups: Sequence[tuple[str, int]] | None = None,
+) -> Mesh:
+    """Put the parts of a file into one mesh, each moved by its matrix, of (n, 4, 4).
+
+    If only some parts have texture coordinates or normals, the others get zeros, and if only some
+    have colors, the others are white; tangents are kept if all have them. Each part keeps its
+    groups and is an object of its own, unless `groups` has a name and an object for each part.
+    """
+    fields: dict[str, Any] = {
+        "positions": np.concatenate([part.positions for part in parts]),
+        "faces": offset_joined([(part.faces, len(part.positions)) for part in parts]),
+    }
+    for values, corners, width in (("uvs", "uv_faces", 2), ("normals", "normal_faces", 3)):
+        arrays = [getattr(part, values) for part in parts]
+        if all(array is None for array in arrays):
+            continue
+        zero = np.zeros((1, width))
+        fields[values] = np.concatenate([zero if array is None else array for array in arrays])
+        fields[corners] = offset_joined(
+            [
+                (0 * part.faces, 1) if array is None else (getattr(part, corners), len(array))
+                for part, array in zip(parts, arrays, strict=True)
+            ]
+        )
+    if len(parts) == 1 and isinstance(parts[0], Mesh):
+        fields["colors"] = parts[0].colors  # may have no alpha
+    elif any(part.colors is not None for part in parts):
+        fields["colors"] = np.concatenate(
+            [
+                np.ones((len(part.positions), 4), np.float32)
+                if part.colors is None
+                else with_alpha(part.colors)
+                for part in parts
+            ]
+        )
+    fields["uv_sets"] = _joined_uv_sets(parts)
+    # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
+    with np.errstate(over="ignore", invalid="ignore"):
+        if all(part.tangents is not None for part in parts):
+            fields["tangents"] = _joined_tangents(parts, matrices)
+        if matrices is not None:
+            _place(fields, parts, matrices)
+    return Mesh(
+        **_joined_groups(parts, groups),
+        name=name,
+        **fields,
+    )
+
+
+def _joined_uv_sets(parts: Sequence[Part]) -> dict[str, UvSet]:
+    """Sets of parts put into one; (0, 0) where only others have a set."""
+    names = dict.fromkeys(name for part in parts for name in part.uv_sets)
+    require_few_sets(len(names), f"{len(parts)} meshes")
+    joined = {}
+    for name in names:
+        items = [
+            part.uv_sets.get(name) or UvSet(np.zeros((1, 2)), 0 * part.faces) for part in parts
+        ]
+        faces = offset_joined([(item.faces, len(item.uvs)) for item in items])
+        joined[name] = UvSet(np.concatenate([item.uvs for item in items]), faces)
+    return joined
+
+
+def _joined_groups(
+    parts: Sequence[Part], groups: Sequence[tuple[str, int]] | None
+) -> dict[str, Any]:
+    """Fields of `Mesh` for groups and polygons; a mesh is one object unless it has several."""
+    polygon_of = None
+    if groups is not None:
+        names, objects = (list(column) for column in zip(*groups, strict=True))
+        counts = [len(part.faces) for part in parts]
+        face_groups = np.repeat(np.arange(len(parts), dtype=np.int32), counts)
+    else:
+        meshes = [part for part in parts if isinstance(part, Mesh)]
+        if any(mesh.polygon_of is not None for mesh in meshes):
+            polygon_of = offset_joined([(mesh.polygon_numbers, mesh.n_polygons) for mesh in meshes])
+        names, objects, n_objects = [], [], 0
+        for mesh in meshes:
+            names += mesh.group_names
+            own = mesh.group_objects or (0,) * len(mesh.group_names)
+            objects += [n_objects + number for number in own]
+            n_objects += max(own, default=0) + 1
+        face_groups = offset_joined(
+            [(mesh.face_groups, len(mesh.group_names)) for mesh in meshes]  # type: ignore[misc]
+        )
+    return {
+        "face_groups": face_groups,
+        "group_names": tuple(names),
+        "group_objects": tuple(objects) if len(set(objects)) > 1 else (),
+        "polygon_of": polygon_of,
+    }
+
+
+def _joined_tangents(parts: Sequence[Part], matrices: FloatArray | None) -> npt.NDArray[Any]:
+    """(F, 3, 4) tangents of parts that all have some, each moved by its matrix."""
+    found = [np.reshape(part.tangents, (-1, 4)) for part in parts]  # type: ignore[arg-type]
+    rows, counts = np.concatenate(found), [len(part) for part in found]
+    corners = [
+        part.corners
+        if isinstance(part, MeshPart)
+        else np.arange(part.faces.size, dtype=np.int32).reshape(part.faces.shape)
+        for part in parts
+    ]
+    if matrices is not None:
+        directions = np.array(rows[:, :3], np.float64)
+        _map(directions, counts, matrices[:, :3, :3])
+        signs = np.where(is_mirroring(matrices[:, :3, :3]), -1.0, 1.0)
+        rows = signed_tangents(directions, rows[:, 3:], np.repeat(signs, counts)[:, None])
+    return rows[offset_joined(list(zip(corners, counts, strict=True)))]
+
+
+def _place(fields: dict[str, Any], parts: Sequence[Part], matrices: FloatArray) -> None:
+    """Move the positions and normals of joined parts, and flip the faces of mirrored ones."""
+    linear = matrices[:, :3, :3]
+    counts = [len(part.positions) for part in parts]
+    _map(fields["positions"], counts, linear)
+    fields["positions"] += np.repeat(matrices[:, :3, 3], counts, axis=0)
+    if "normals" in fields:
+        counts = [1 if part.normals is None else len(part.normals) for part in parts]
+        _map(fields["normals"], counts, normal_map(linear))
+        fields["normals"][np.repeat([part.normals is None for part in parts], counts)] = 0.0
+    is_mirrored = is_mirroring(linear)
+    if not is_mirrored.any():
+        return
+    flipped = np.repeat(is_mirrored, [len(part.faces) for part in parts])
+    by_corner = [fields[name] for name in (*CORNERS, "tangents") if name in fields]
+    for corners in (*by_corner, *(item.faces for item in fields["uv_sets"].values())):
+        corners[flipped] = corners[flipped, ::-1]
+
+
+_BATCH = 1 << 16  # rows moved at once
+
+
+def _map(rows: FloatArray, counts: Sequence[int], maps: FloatArray) -> None:
+    """Apply a (3, 3) map of each part to its rows, in place; equally long parts go together."""
+    n_rows = np.array(counts)
+    starts = np.cumsum(n_rows) - n_rows
+    order = np.argsort(n_rows, kind="stable")
+    for alike in np.split(order, np.flatnonzero(np.diff(n_rows[order])) + 1):
+        count = int(n_rows[alike[0]])
+        n_parts = max(_BATCH // max(count, 1), 1)
+        for first in range(0, len(alike), n_parts):
+            chosen = alike[first : first + n_parts]
+            if n_parts == 1:
+                part = rows[starts[chosen[0]] :][:count]
+                part[:] = pm.matmul(part, maps[chosen[0]].T)
+                continue
+            at = starts[chosen, None] + np.arange(count)
+            rows[at] = pm.matmul(rows[at], maps[chosen].swapaxes(1, 2))
+
+
+def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """(V, 4) colors of (V, 3) or (V, 4), opaque where they have no alpha."""
+    rgba = np.ones((len(colors), 4), np.float32)
+    rgba[:, : colors.shape[1]] = colors
+    return rgba

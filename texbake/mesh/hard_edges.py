@@ -192,8 +192,8 @@ def hardened(mesh: Mesh, one: HalfEdges, other: HalfEdges, is_hard: BoolArray) -
         np.concatenate([next_half_edges(other), other]),
     )
     slots = np.arange(mesh.faces.size).reshape(-1, 3)
-    polygon_of = np.arange(mesh.n_faces) if mesh.polygon_of is None else mesh.polygon_of
-    normals = joined_normals(mesh.positions, mesh.faces, slots, *joined, np.repeat(polygon_of, 3))
+    numbers = np.repeat(mesh.polygon_numbers, 3)
+    normals = joined_normals(mesh.positions, mesh.faces, slots, *joined, numbers)
     return mesh.replace(**normals, tangents=None)
 
 

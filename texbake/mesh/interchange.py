@@ -11,9 +11,9 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, counted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.compose import split_vertices, values_of_vertices
-from texbake.mesh.join import join_parts
+from texbake.mesh.compose import join_parts
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.weld import split_vertices, values_of_vertices
 
 if TYPE_CHECKING:
     import trimesh

@@ -146,6 +146,13 @@ class Mesh:
         """Number of polygons: that of triangles, unless some make up larger polygons."""
         return self.n_faces if self.polygon_of is None else int(self.polygon_of[-1]) + 1
 
+    @property
+    def polygon_numbers(self) -> IntArray:
+        """(F,) int32: polygon of each face, also of a mesh of triangles."""
+        if self.polygon_of is None:
+            return np.arange(self.n_faces, dtype=np.int32)
+        return self.polygon_of
+
     def count_polygons(self, chosen: npt.NDArray[np.bool_]) -> int:
         """Number of polygons that have one of the chosen (F,) triangles."""
         numbers = chosen if self.polygon_of is None else np.bincount(self.polygon_of, chosen)

@@ -16,15 +16,20 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.mesh.compose import face_fields
 from texbake.mesh.decimate import (
+    VertexStream,
     boundary_fits,
     bring_down,
-    cluster_stream,
     collapse_stream,
+    gather,
     move_and_collapse,
+    weld_corners,
+    weld_positions,
+    with_three_places,
     without_small_parts,
 )
 from texbake.mesh.distance import SurfaceDistance, surface_distance
@@ -34,7 +39,7 @@ from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import DEFAULT_SEAMS
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
-from texbake.mesh.vertex_stream import VertexStream, gather, weld_corners, weld_positions
+from texbake.mesh.weld import later_copies, unique_rows
 
 _GIVEN_UP = "too few faces to keep its"
 
@@ -44,6 +49,7 @@ _DROPPED = "small separate parts were dropped"
 SLACK = 0.01
 _TRIES = 6
 
+_MOST_CELLS = 1 << 20  # a side of the grid that clusters vertices
 _COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
 
 # Share of the requested faces that an attempt must leave, or else further attempts are made.
@@ -197,8 +203,49 @@ def _attempts(
         stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)
     edges = find_edges(stream.position_ids[stream.faces])
     if edges.non_manifold.any() and not stream.has_seams:
-        yield stream, partial(cluster_stream, stream), CLUSTERS, (*notes, _JOINED)
+        yield stream, partial(_cluster_stream, stream), CLUSTERS, (*notes, _JOINED)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
+
+
+def _cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
+    """Join vertices in cells of a grid, whatever their topology, for at most `n_faces`.
+
+    Each cell keeps the vertex nearest to the mean of its vertices.
+    """
+    low = stream.points.min(axis=0)
+    extent = float((stream.points.max(axis=0) - low).max())
+    least, most = 1, _MOST_CELLS
+    best = stream.faces[:0]
+    while least <= most:
+        n_cells = (least + most) // 2
+        cells = ((stream.points - low) * (n_cells / extent if extent > 0.0 else 0.0)).astype(
+            np.int64
+        )
+        cells = np.minimum(cells, n_cells - 1)
+        _, cell_of = np.unique(
+            (cells[:, 0] << 40) | (cells[:, 1] << 20) | cells[:, 2], return_inverse=True
+        )
+        if stream.object_ids is not None:
+            both = np.stack([cell_of.ravel(), stream.object_ids], axis=1)
+            cell_of = unique_rows(both)[1].astype(np.intp)
+        faces = _clustered(stream, cell_of.ravel())
+        if len(faces) <= n_faces:
+            best, least = faces, n_cells + 1
+        else:
+            most = n_cells - 1
+    return best
+
+
+def _clustered(stream: VertexStream, cell_of: npt.NDArray[np.intp]) -> IntArray:
+    """Faces between the vertices that stand for cells, each once."""
+    counts = np.bincount(cell_of)
+    sums = [np.bincount(cell_of, stream.points[:, axis]) for axis in range(3)]
+    means = np.stack(sums, axis=1) / counts[:, None]
+    distances = ((stream.points - means[cell_of]) ** 2).sum(axis=1)
+    order = np.lexsort((distances, cell_of))
+    kept = order[np.cumsum(counts) - counts].astype(np.int32)
+    faces = with_three_places(stream, kept[cell_of[stream.faces]])
+    return faces[~later_copies(np.sort(stream.position_ids[faces], axis=1))]
 
 
 def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:

@@ -45,8 +45,7 @@ from texbake.mesh.remeshing.parts import (
     without_crumbs,
     without_cut_off,
 )
-from texbake.mesh.remeshing.projection import project
-from texbake.mesh.remeshing.sharp_edges import SHARP_ANGLE
+from texbake.mesh.remeshing.projection import SHARP_ANGLE, project
 from texbake.mesh.remeshing.sheets import PIERCED, build_body, largest_sheets, remesh_sheets
 from texbake.mesh.remeshing.solid import flood_outside
 from texbake.mesh.simplify import check_count, simplify

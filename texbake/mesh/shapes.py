@@ -39,8 +39,6 @@ Field = Callable[[FloatArray, FloatArray], Any]
 
 def plane(n_x: int = 1, n_y: int = 1, height_at: Field | None = None) -> Mesh:
     """Grid over the unit square, facing +z, with texture coordinates (s, t) = (x, y)."""
-    _check_count("n_x", n_x, 1)
-    _check_count("n_y", n_y, 1)
     x, y = np.meshgrid(np.arange(n_x + 1) / n_x, np.arange(n_y + 1) / n_y)
     z = _evaluated(height_at, x, y, 0.0)
     faces = split_quads(grid_quads(n_y, n_x)[:, [0, 3, 2, 1]])
@@ -69,10 +67,6 @@ def grid_sphere(
 
     `pole_margin`: radians between either pole and its ring of open edges.
     """
-    _check_count("n_theta", n_theta, 2)
-    _check_count("n_phi", n_phi, 3)
-    if not 0.0 < pole_margin < np.pi / 2.0:
-        raise OptionError(f"pole_margin: {pole_margin} is out of range; give one between 0 and π/2")
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
     phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
     faces = ids_around(n_theta, n_phi)[split_quads(grid_quads(n_theta - 1, n_phi))]
@@ -86,8 +80,6 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
     u is φ / 2π, 1 on the far side of the seam, and v is 1 - θ / π. Each triangle at a pole has a
     texture coordinate of its own there, midway between the u of its other two corners.
     """
-    _check_count("n_lat", n_lat, 2)
-    _check_count("n_lon", n_lon, 3)
     n_rows = n_lat - 1  # rings of vertices between the poles
     theta = np.linspace(0.0, np.pi, n_lat + 1)[1:-1]
     phi = np.linspace(0.0, 2.0 * np.pi, n_lon, endpoint=False)
@@ -118,7 +110,7 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
 
 def icosphere(level: int = 3) -> Mesh:
     """Unit sphere of 20 · 4^level nearly equal triangles, from an icosahedron; no seam, no uvs."""
-    _check_count("level", level, 0, most=_MOST_LEVELS)
+    _check_count("level", level, 0, _MOST_LEVELS)
     directions, faces = _geodesic_sphere(2**level)
     return Mesh(positions=directions, faces=faces, name="icosphere")
 
@@ -129,16 +121,16 @@ def orange(n_triangles: int = 1_000_000) -> Mesh:
     Its radius is a smooth closed-form function of the direction, `peel_radii`, so that a finer
     orange is a better picture of the same surface.
     """
-    _check_count("n_triangles", n_triangles, 20, most=MAX_TRIANGLES)
+    _check_count("n_triangles", n_triangles, 20, MAX_TRIANGLES)
     directions, faces = _geodesic_sphere(round(math.sqrt(n_triangles / 20.0)))
     directions *= peel_radii(directions)[:, None]
     return Mesh(positions=directions, faces=faces, name="orange")
 
 
-def _check_count(what: str, count: int, least: int, *, most: int | None = None) -> None:
+def _check_count(what: str, count: int, least: int, most: int) -> None:
     if count < least:
         raise OptionError(f"{what}: {count} is too few; it must be at least {least}")
-    if most is not None and count > most:
+    if count > most:
         raise OptionError(f"{what}: {count:,} is too many; it must be at most {most:,}")
 
 

@@ -99,7 +99,8 @@ def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
         normals, normal_faces = mesh.normals, mesh.normal_faces
     corner_normals = normals[normal_faces].astype(np.float32)
     points = mesh.positions[mesh.faces] * LocalFrame.around(mesh).scale
-    vertices = _welded_corners(points, corner_normals, uvs)
+    columns = (weld_rows(v.reshape(-1, v.shape[2])) for v in (points, corner_normals, uvs))
+    vertices = weld_rows(np.stack(list(columns), axis=1)).reshape(-1, 3)
     quads = Quads.of(mesh, points, uvs)
     if quads is None:
         tangents, preserving, has_fan = _corner_spaces(points, corner_normals, uvs, vertices)
@@ -115,12 +116,6 @@ def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
 def shading_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
     """(F, 3, 4) float32 corner tangents: those of the file, else those of MikkTSpace."""
     return corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
-
-
-def _welded_corners(*attributes: npt.NDArray[Any]) -> IntArray:
-    """(F, 3): the same number for corners at which all (F, 3, K) attributes are equal."""
-    ids = [weld_rows(values.reshape(-1, values.shape[2])) for values in attributes]
-    return weld_rows(np.stack(ids, axis=1)).reshape(-1, 3)
 
 
 def _fill_missing(

@@ -12,6 +12,7 @@ Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathemat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -214,10 +215,7 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
     ('front', 'both')
     """
     keys = np.empty(mesh.n_vertices, np.uint64)
-
-    def hash_positions(start: int, stop: int) -> None:
-        core.hash_positions(mesh.positions, keys, start, stop)
-
+    hash_positions = partial(core.hash_positions, mesh.positions, keys)
     run_bands(hash_positions, mesh.n_vertices, band=_BAND, threads=threads)
     n_bands = -(-mesh.n_faces // _BAND)
     edges, volumes = np.zeros(n_bands, np.uint64), np.zeros(n_bands)
@@ -237,7 +235,9 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
 def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
     """Vertices - edges + faces, of the vertices that faces with three different ones use."""
     kept = faces[~repeated_vertices(faces)]
-    return int(_n_distinct(kept) - len(edges.vertices) + len(kept))
+    used = np.zeros(int(kept.max(initial=-1)) + 1, dtype=np.bool_)
+    used[kept.ravel()] = True
+    return int(np.count_nonzero(used)) - len(edges.vertices) + len(kept)
 
 
 def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
@@ -252,12 +252,6 @@ def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
         return None
     _, n_components = face_components(kept, n_vertices)
     return n_components - euler_characteristic(faces, edges) // 2
-
-
-def _n_distinct(indices: IntArray) -> int:
-    used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=bool)
-    used[indices.ravel()] = True
-    return int(used.sum())
 
 
 def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:

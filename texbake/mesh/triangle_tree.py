@@ -165,24 +165,21 @@ def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None
 
     `source`: the mesh that has them, in the same space.
     """
-    groups = source.face_groups if mesh.face_groups is None else None
+    lacks_groups = mesh.face_groups is None and source.face_groups is not None
     colors = source.colors if mesh.colors is None else None
     names = {"group_names": source.group_names, "group_objects": source.group_objects}
-    if groups is not None and len(source.group_names) == 1:
-        ids = np.zeros(mesh.n_faces, dtype=np.int32)
-        mesh = mesh.replace(face_groups=ids, **names)
-        groups = None
-    if groups is None and colors is None:
+    if lacks_groups and len(source.group_names) == 1:
+        mesh = mesh.replace(face_groups=np.zeros(mesh.n_faces, np.int32), **names)
+        lacks_groups = False
+    if not lacks_groups and colors is None:
         return mesh
     frame = LocalFrame.around(source)
     tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
     points = frame.to_local(mesh.positions)
-    if groups is not None:
-        centers = points[mesh.faces].mean(axis=1)
-        _, nearest, _ = tree.closest_points(centers, threads=threads)
-        mesh = mesh.replace(face_groups=groups[nearest], **names)
+    if source.face_groups is not None and lacks_groups:
+        nearest = tree.closest_points(points[mesh.faces].mean(axis=1), threads=threads)[1]
+        mesh = mesh.replace(face_groups=source.face_groups[nearest], **names)
     if colors is not None:
         _, nearest, weights = tree.closest_points(points, threads=threads)
-        blended = pm.vecmat(weights, colors[source.faces[nearest]])
-        mesh = mesh.replace(colors=blended)
+        mesh = mesh.replace(colors=pm.vecmat(weights, colors[source.faces[nearest]]))
     return mesh

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
 _PART_BITS = 4
@@ -71,7 +71,10 @@ def unique_rows(
     >>> unique_rows(np.array([[1.0], [2.0], [1.0]]))
     (array([0, 1]), array([0, 1, 0], dtype=int32))
     """
-    return number_firsts(weld_rows(rows, threads=threads))
+    firsts = weld_rows(rows, threads=threads)
+    is_first = firsts == np.arange(len(firsts), dtype=np.int32)
+    numbers = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
+    return np.flatnonzero(is_first), numbers[firsts]
 
 
 def unique_corners(
@@ -88,11 +91,47 @@ def unique_corners(
     return values[kept].astype(np.float64), numbers.reshape(vertices.shape)
 
 
-def number_firsts(firsts: IntArray) -> tuple[npt.NDArray[np.intp], IntArray]:
-    """Return what `unique_rows` does, given the first row that equals each."""
-    is_first = firsts == np.arange(len(firsts), dtype=np.int32)
-    numbers = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
-    return np.flatnonzero(is_first), numbers[firsts]
+def split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
+    """Split vertices so that each has one texture coordinate and one normal.
+
+    Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
+    then copies; `corners` (n,) int64: a corner of each, -1 for those that no face uses; `faces` (F,
+    3) int32.
+    """
+    used = np.full(mesh.n_vertices, -1)
+    keys = [mesh.faces.ravel()]
+    for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
+        if values is None or ids is None:
+            continue
+        used[keys[0]] = np.arange(mesh.faces.size)
+        if not np.array_equal(ids.ravel()[used[mesh.faces]], ids):
+            keys.append(weld_rows(values)[ids.ravel()])
+    if len(keys) == 1:  # each vertex has the values of the last corner that uses it
+        return np.arange(mesh.n_vertices), used, mesh.faces
+    firsts = weld_rows(np.stack(keys, axis=1))
+    places = np.flatnonzero(firsts == np.arange(len(firsts)))  # a corner of each new vertex
+    vertices, of_vertex = np.unique(mesh.faces.ravel()[places], return_index=True)
+    is_copy = np.ones(len(places), np.bool_)
+    is_copy[of_vertex] = False
+    copies = places[is_copy]
+    corners: npt.NDArray[np.int64] = np.append(np.full(mesh.n_vertices, -1), copies)
+    corners[vertices] = places[of_vertex]
+    numbers = np.empty(len(firsts), np.int32)  # of the new vertex at its first corner
+    numbers[corners[corners >= 0]] = np.flatnonzero(corners >= 0)
+    rows: npt.NDArray[np.int64] = np.append(
+        np.arange(mesh.n_vertices), mesh.faces.ravel()[copies]
+    ).astype(np.int64)
+    faces: IntArray = numbers[firsts].reshape(-1, 3)
+    return rows, corners, faces
+
+
+def values_of_vertices(
+    values: npt.NDArray[Any], ids: IntArray, corners: npt.NDArray[np.int64]
+) -> npt.NDArray[Any]:
+    """(n, K) values of the `corners` that `split_vertices` returns; 0 where no face is."""
+    by_vertex = values[ids.ravel()[corners]]
+    by_vertex[corners < 0] = 0.0
+    return by_vertex
 
 
 _STACK = 256  # triangles of one code, from which on copies are looked for

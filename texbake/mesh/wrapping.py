@@ -29,7 +29,7 @@ from texbake.core import core
 from texbake.errors import MeshError
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import face_objects, weld_vertices
 from texbake.mesh.options import AUTO, RemeshOptions
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
@@ -186,7 +186,8 @@ def reason_to_wrap(
         text = f"{n_faces:,} triangles cannot show its tunnels ({handles:,})"
         return Reason(text, has_tunnels=True, is_certain=handles > n_faces / _TOO_FEW)
     n_torn = int(np.count_nonzero(edges.non_manifold))
-    if _is_clean(faces, handles, mesh.n_vertices):
+    has_few_rooms = handles is not None and handles <= _MOST_HANDLES
+    if has_few_rooms and face_components(faces, mesh.n_vertices)[1] == 1:
         return None
     try:
         if looks_open(mesh, threads=threads):
@@ -204,13 +205,6 @@ def reason_to_wrap(
     if hidden > _HIDDEN:
         return Reason(f"{100.0 * hidden:.0f} % of its surface lies inside")
     return None
-
-
-def _is_clean(faces: IntArray, handles: int | None, n_vertices: int) -> bool:
-    """Whether faces are one closed surface with too few handles to have many rooms inside."""
-    if handles is None or handles > _MOST_HANDLES:
-        return False
-    return face_components(faces, n_vertices)[1] == 1
 
 
 def _bare(mesh: Mesh) -> Mesh:

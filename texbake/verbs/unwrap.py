@@ -179,7 +179,7 @@ def _draw(
     if layout is None and checker is None:
         return
     from texbake.jobs.uv_pictures import render_checker, write_layout
-    from texbake.mesh.join import join_meshes
+    from texbake.mesh.compose import join_meshes
     from texbake.texture.image import write_image
 
     mesh = join_meshes(meshes)

@@ -12,8 +12,8 @@ from texbake.baking.parts.low_parts import BakeTarget
 from texbake.baking.parts.matching import PartsOptions
 from texbake.baking.rays import RayMaps
 from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
-from texbake.mesh.join import join_meshes
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere

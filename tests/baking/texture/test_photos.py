@@ -14,8 +14,8 @@ from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.core import core
 from texbake.errors import OptionError, UvError
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.raycast.rays import Rays

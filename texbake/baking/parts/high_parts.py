@@ -21,8 +21,7 @@ from texbake.baking.parts.matching import (
     pair_names,
 )
 from texbake.errors import OptionError
-from texbake.mesh.compose import excerpt, used_rows
-from texbake.mesh.join import join_meshes
+from texbake.mesh.compose import excerpt, join_meshes, used_rows
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals

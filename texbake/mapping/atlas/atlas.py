@@ -26,8 +26,8 @@ from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
 from texbake.mapping.stretch import face_stretch
+from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped
-from texbake.mesh.join import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages

@@ -36,6 +36,7 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
+from texbake.mesh.compose import join_parts
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_scene import (
@@ -50,7 +51,6 @@ from texbake.mesh.files.fbx_scene import (
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.unread_parts import unread_parts, warn_of_fbx
 from texbake.mesh.hard_edges import Polygons, smoothed_normals
-from texbake.mesh.join import join_parts
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners, unique_rows

@@ -28,6 +28,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
 from texbake.limits import most_triangles
+from texbake.mesh.compose import MeshPart, join_parts
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import (
     INDICES,
@@ -39,7 +40,6 @@ from texbake.mesh.files.gltf_primitives import (
 )
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.files.unread_parts import warn_of_pose
-from texbake.mesh.join import MeshPart, join_parts
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count, require_few_sets
 
 MAX_TRIANGLES = 20_000_000

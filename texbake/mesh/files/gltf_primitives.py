@@ -19,10 +19,10 @@ import numpy.typing as npt
 
 from texbake.child import LIMITS
 from texbake.errors import MeshError, quoted, warn_of
+from texbake.mesh.compose import MeshPart
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
-from texbake.mesh.join import MeshPart
 from texbake.mesh.mesh import FloatArray, IntArray, UvSet, require_few_sets
 from texbake.mesh.weld import weld_rows
 

@@ -187,7 +187,9 @@ def remesh_sheets(
             threads=threads,
         )
         edges = filled.rim[of_vertex[filled.rim[:, 0]] == number]
-        rim = _rim(points, edges, threads)
+        rim = None
+        if len(edges):  # as triangles without area
+            rim = TriangleTree.build(points, edges[:, [0, 1, 1]], threads=threads)
         n_given = face_components(given, len(points))[1]
         moved, faces = _cleaned(moved, faces, n_given, rim, threads)
         if rim is not None:
@@ -270,13 +272,6 @@ def _without_pinches(points: FloatArray, faces: IntArray) -> IntArray:
         if whole.all():
             return faces
         faces = faces[whole]
-
-
-def _rim(points: FloatArray, edges: IntArray, threads: int | None) -> TriangleTree | None:
-    """Edges (n, 2) as triangles, None if there are none."""
-    if len(edges) == 0:
-        return None
-    return TriangleTree.build(points, edges[:, [0, 1, 1]], threads=threads)
 
 
 def _made_by_grid(

@@ -159,26 +159,29 @@ class StreamedMesh:
 
         `firsts` is the first mark at the position of each.
         """
-        vertices, threads = self._source.vertices, self._threads
+        vertices = self._source.vertices
         marks_of = np.append(firsts, np.int32(-1))  # -1 is the last
         for faces in self._source.blocks(self._threads):
-            found: dict[int, tuple[IntArray, IntArray]] = {}
-
-            def keep(
-                start: int,
-                stop: int,
-                faces: IntArray = faces,
-                found: dict[int, tuple[IntArray, IntArray]] = found,
-            ) -> None:
-                found[start] = marks.touching(faces[start:stop])
-
-            run_bands(keep, len(faces), band=_FACES_PER_BAND, threads=threads)
-            kept = [found[start] for start in sorted(found)]
-            if any(len(some) for some, _ in kept):
-                rows = marks_of[np.concatenate([rows for _, rows in kept])]
-                some = np.concatenate([some for some, _ in kept])
-                yield *vertices.of_faces(some, threads), rows
+            some, rows = _touching(marks, faces, self._threads)
+            if len(some):
+                yield *vertices.of_faces(some, self._threads), marks_of[rows]
             vertices.file.release()
+
+
+def _touching(
+    marks: VertexMarks, faces: IntArray, threads: int | None
+) -> tuple[IntArray, IntArray]:
+    """Return what `VertexMarks.touching` does, found in bands."""
+    if len(faces) == 0:
+        return faces, faces
+    found: dict[int, tuple[IntArray, IntArray]] = {}
+
+    def keep(start: int, stop: int) -> None:
+        found[start] = marks.touching(faces[start:stop])
+
+    run_bands(keep, len(faces), band=_FACES_PER_BAND, threads=threads)
+    kept, rows = zip(*(found[start] for start in sorted(found)), strict=True)
+    return np.concatenate(kept), np.concatenate(rows)
 
 
 def open_streamed(path: PathLike, *, threads: int | None = None) -> StreamedMesh | None:

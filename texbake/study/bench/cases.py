@@ -17,9 +17,9 @@ import numpy as np
 
 from texbake.baking.scenes import measure_extent
 from texbake.core import portable_math as pm
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.join import join_meshes
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, split_quads
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere

@@ -19,7 +19,7 @@ from texbake.core import core
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, repair_charts
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.join import offset_joined
+from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 
