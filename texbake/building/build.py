@@ -31,7 +31,7 @@ from texbake.building.report import (
     asset_results,
     write_build_report,
 )
-from texbake.building.resolve import PreviousKeys, Resolver, StepState, machine_memory
+from texbake.building.resolve import Resolver, StepState, machine_memory
 from texbake.building.schedule import Schedule
 from texbake.building.sidecars import followed_files, sidecars
 from texbake.building.store import Publisher, Store
@@ -152,7 +152,6 @@ class Site:
             if not is_url(place):
                 check_name(place)
         self.digests = Digests(self.inside / "digests.json", trusting=not options.verify)
-        self.previous = PreviousKeys(self.inside / "last.json")
         self.publisher = Publisher(self.outputs, self.store, self.digests)
 
     def make(self) -> None:
@@ -165,7 +164,7 @@ class Site:
 
     def resolver(self, states: dict[Id, StepState]) -> Resolver:
         """Return what finds out which steps have results."""
-        return Resolver(states, self.store, self.digests, self.previous)
+        return Resolver(states, self.store, self.digests, self.inside / "last.json")
 
 
 def _place(pipeline: Pipeline, place: str | None, default: Path) -> str:
@@ -191,10 +190,10 @@ def _build(
     write_build_report(site.folder / REPORT, begun)
     listener(BuildEvent(event="began", total=len(states)))
     memory = options.memory_bytes or int(_MEMORY_SHARE * machine_memory())
+    resolver = site.resolver(states)
     schedule = Schedule(
         states,
-        site.resolver(states),
-        site.store,
+        resolver,
         site.publisher,
         executor,
         memory_bytes=None if options.scheduler else memory,
@@ -207,9 +206,7 @@ def _build(
             site.store.prune({step.key for step in states.values()})
         state = FINISHED
     finally:
-        site.previous.save(states)
-        site.store.forget_others(site.previous.all(), site.digests)
-        site.digests.save()
+        resolver.save()
         result = BuildResult(
             pipeline=str(pipeline.path),
             folder=site.folder,

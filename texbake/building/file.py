@@ -94,7 +94,11 @@ class StepTable:
     inputs: dict[str, list[str]]  # references by role
     after: tuple[str, ...]  # steps that must succeed first
     output: str | None  # pattern for the names of its outputs; None keeps them in the store only
-    place: tuple[int | str, ...]  # place in the file, for messages
+    pipeline: Pipeline
+
+    def fault(self, key: str, what: str) -> FileFormatError:
+        """Return an error at a key of the table."""
+        return self.pipeline.fault(("steps", self.name, key), what)
 
 
 class Pipeline:
@@ -151,7 +155,6 @@ class Pipeline:
         return self._checked[key]
 
     def _check(self, name: str, own: Mapping[str, Any], rule: int) -> StepTable:
-        base = ("steps", name)
         kind = STEP_KINDS[self.steps[name]["do"]]
         shared = self.checks if kind.name == "check" else {}
         given = {**shared, **self.steps[name], **own}
@@ -165,7 +168,7 @@ class Pipeline:
             else:
                 what = option_error((), error)
             key = what.partition(":")[0].partition(".")[0].partition("[")[0]
-            where: tuple[int | str, ...] = base
+            where: tuple[int | str, ...] = ("steps", name)
             if key in own:
                 where = ("assets", rule, "options", name)
             elif key in shared and key not in self.steps[name]:
@@ -186,7 +189,7 @@ class Pipeline:
             inputs=inputs,
             after=tuple(values.get("after", ())),
             output=values.get("output"),
-            place=base,
+            pipeline=self,
         )
 
     def _where(self, place: str) -> str:

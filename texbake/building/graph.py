@@ -213,9 +213,7 @@ def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
     before = [s.node for sources in inputs.values() for s in sources if isinstance(s, StepSource)]
     for name in table.after:
         if name not in pipeline.steps:
-            raise pipeline.fault(
-                (*table.place, "after"), f"no step {quoted(name)}; {nearest(name, pipeline.steps)}"
-            )
+            raise table.fault("after", f"no step {quoted(name)}; {nearest(name, pipeline.steps)}")
         before.append((asset.name, name))
     outputs = table.kind.outputs(table.settings)
     return Node(
@@ -224,7 +222,7 @@ def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
         inputs=inputs,
         waits_for=tuple(dict.fromkeys(before)),
         outputs=outputs,
-        published=_published(pipeline, asset, table, outputs),
+        published=_published(asset, table, outputs),
     )
 
 
@@ -237,33 +235,25 @@ def _source(
         maker = pipeline.step(name, asset.rule)
         outputs = maker.kind.outputs(maker.settings)
         if output and output not in outputs:
-            raise pipeline.fault(
-                (*table.place, role),
-                f"{name} makes no {quoted(output)}; {nearest(output, outputs)}",
-            )
+            raise table.fault(role, f"{name} makes no {quoted(output)}; {nearest(output, outputs)}")
         return StepSource((asset.name, name), output or next(iter(outputs)))
     if text in asset.inputs:
         return FileSource(asset.inputs[text])
     if "." not in text and "/" not in text:
-        known = [*pipeline.steps, *asset.inputs]
-        raise pipeline.fault(
-            (*table.place, role),
-            f"{quoted(text)} is neither a step nor an input of {asset.name}; "
-            f"{nearest(text, known)}",
+        near = nearest(text, [*pipeline.steps, *asset.inputs])
+        raise table.fault(
+            role, f"{quoted(text)} is neither a step nor an input of {asset.name}; {near}"
         )
-    filled = fill_in(pipeline, (*table.place, role), text, {"asset": asset.name})
+    filled = fill_in(pipeline, ("steps", table.name, role), text, {"asset": asset.name})
     path = absolute(pipeline, filled)
     if not is_url(path) and "{" not in text and not is_file(path):
-        raise pipeline.fault(
-            (*table.place, role),
-            f"{quoted(text)} is neither a step nor an input nor a file there is",
+        raise table.fault(
+            role, f"{quoted(text)} is neither a step nor an input nor a file there is"
         )
     return FileSource(path)
 
 
-def _published(
-    pipeline: Pipeline, asset: PipelineAsset, table: StepTable, outputs: dict[str, str]
-) -> dict[str, str]:
+def _published(asset: PipelineAsset, table: StepTable, outputs: dict[str, str]) -> dict[str, str]:
     """Return the name of each output below the folder of outputs."""
     if table.output is None:
         return {}
@@ -275,10 +265,11 @@ def _published(
             "output": output,
             "ext": PurePosixPath(file).suffix.removeprefix("."),
         }
-        name = fill_in(pipeline, (*table.place, "output"), table.output, values)
+        place = ("steps", table.name, "output")
+        name = fill_in(table.pipeline, place, table.output, values)
         name = name.removesuffix(".")  # a folder has no suffix
         if (fault := _fault_of(name, PurePosixPath(file).suffix)) is not None:
-            raise pipeline.fault((*table.place, "output"), fault)
+            raise table.fault("output", fault)
         names[output] = name
     return names
 
@@ -314,13 +305,22 @@ def _check_outputs(
     for node in nodes:
         for name in node.published.values():
             other = owners.setdefault(name, node)
-            if other is not node or list(node.published.values()).count(name) > 1:
-                raise _same_output(pipeline, name, other, node)
+            if other is not node:
+                raise node.table.fault(
+                    "output",
+                    f"{' '.join(other.id)} and {' '.join(node.id)} both write {quoted(name)}; "
+                    "put {asset} or {step} into the pattern",
+                )
+        if len(set(node.published.values())) < len(node.published):
+            raise node.table.fault(
+                "output",
+                f"several outputs are called {quoted(name)}; put {{output}} into the pattern",
+            )
     for name, node in owners.items():
         for folder in PurePosixPath(name).parents:
             if (inside := owners.get(str(folder))) is not None:
-                raise pipeline.fault(
-                    (*node.table.place, "output"),
+                raise node.table.fault(
+                    "output",
                     f"{name} would lie in {folder}, which {' '.join(inside.id)} makes as well",
                 )
     if not is_url(outputs):
@@ -336,23 +336,9 @@ def _check_files(pipeline: Pipeline, owners: dict[str, Node], read: set[str], ro
     for path, what in taken.items():
         name = path.removeprefix(root + os.sep).replace(os.sep, "/")
         if name in owners:
-            raise pipeline.fault((*owners[name].table.place, "output"), f"{path} {what}")
+            raise owners[name].table.fault("output", f"{path} {what}")
     for name, node in owners.items():
         if name.split("/")[0] in BUILDS_OWN:
-            raise pipeline.fault(
-                (*node.table.place, "output"),
-                f"{quoted(name)} is reserved for the build's own files",
+            raise node.table.fault(
+                "output", f"{quoted(name)} is reserved for the build's own files"
             )
-
-
-def _same_output(pipeline: Pipeline, name: str, one: Node, other: Node) -> Exception:
-    place = (*other.table.place, "output")
-    if one is other:
-        return pipeline.fault(
-            place, f"several outputs are called {quoted(name)}; put {{output}} into the pattern"
-        )
-    return pipeline.fault(
-        place,
-        f"{' '.join(one.id)} and {' '.join(other.id)} both write {quoted(name)}; "
-        "put {asset} or {step} into the pattern",
-    )

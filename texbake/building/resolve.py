@@ -40,6 +40,8 @@ class StepState:
     node: Node
     state: str = WAITING  # see `progress`
     key: str = ""  # known once all steps before it have results
+    # inputs, ingredients: like the key
+    inputs: dict[str, tuple[TaskInput, ...]] = field(default_factory=dict)
     ingredients: Ingredients = field(default_factory=dict)
     manifest: Manifest | None = None  # of its result
     reasons: list[str] = field(default_factory=list)  # why it runs
@@ -50,58 +52,53 @@ class StepState:
     attempts: int = 0
 
 
-class PreviousKeys:
-    """Keys that steps had in the last build, from which changes are found."""
+class Resolver:
+    """Finds what steps depend on, from files and from the results of other steps.
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    `path` is a file with the keys that steps had in the last build, from which changes are found.
+    """
+
+    def __init__(
+        self, states: Mapping[Id, StepState], store: Store, digests: Digests, path: Path
+    ) -> None:
+        self.store, self.digests = store, digests
+        self._states, self._path = states, path
         self._keys: dict[str, dict[str, str]] = {}
         with suppress(OSError, ValueError, AttributeError, TypeError, RecursionError):
             for asset, steps in json.loads(path.read_bytes()).items():
                 self._keys[asset] = {step: str(key) for step, key in steps.items()}
 
-    def __getitem__(self, step: Id) -> str | None:
-        return self._keys.get(step[0], {}).get(step[1])
-
-    def all(self) -> set[str]:
-        """Return the keys of all steps of all assets."""
-        return {key for steps in self._keys.values() for key in steps.values()}
-
-    def save(self, states: Mapping[Id, StepState]) -> None:
-        """Take over the keys of steps with results, and write all keys."""
-        for (asset, step), state in states.items():
+    def save(self) -> None:
+        """Write what the next build needs to know: the keys of steps with results, and digests."""
+        for (asset, step), state in self._states.items():
             if state.manifest is not None:
                 self._keys.setdefault(asset, {})[step] = state.key
         with replacing(self._path) as temporary:
             temporary.write_text(json.dumps(self._keys), encoding="utf-8")
-
-
-class Resolver:
-    """Finds what steps depend on, from files and from the results of other steps."""
-
-    def __init__(
-        self, states: Mapping[Id, StepState], store: Store, digests: Digests, last: PreviousKeys
-    ) -> None:
-        self._states, self._store, self.digests, self._last = states, store, digests, last
+        keys = {key for steps in self._keys.values() for key in steps.values()}
+        self.store.forget_others(keys, self.digests)
+        self.digests.save()
 
     def look(self, state: StepState, *, repair: bool = True) -> bool:
         """Return whether the result of a step is stored; if not, `state.reasons` says why."""
         node = state.node
+        state.inputs = {
+            role: tuple(map(self._input, sources)) for role, sources in node.inputs.items()
+        }
         inputs = {
-            role: [self._described(source) for source in sources]
-            for role, sources in node.inputs.items()
+            role: [_described(item) for item in items] for role, items in state.inputs.items()
         }
         state.ingredients = ingredients_of(node.table.kind, node.table.settings, inputs, node.id[0])
         state.key = checksum(state.ingredients)
         try:
-            manifest = self._store.find(state.key)
+            manifest = self.store.find(state.key)
             if manifest is not None:
-                self._store.check(manifest, self.digests, node.outputs)
+                self.store.check(manifest, self.digests, node.outputs)
         except DamagedError as damage:
             state.reasons = [str(damage)]
             state.notes.append(f"its stored result was damaged and was made again: {damage}")
             if repair:
-                self._store.remove(state.key)
+                self.store.remove(state.key)
             return False
         state.manifest = manifest
         if manifest is None:
@@ -110,80 +107,75 @@ class Resolver:
 
     def is_as_before(self, state: StepState) -> bool:
         """Return whether the last build had the same result for a step."""
-        return self._last[state.node.id] == state.key
+        return self._key_before(state) == state.key
+
+    def _key_before(self, state: StepState) -> str | None:
+        asset, step = state.node.id
+        return self._keys.get(asset, {}).get(step)
 
     def _reasons(self, state: StepState) -> list[str]:
-        before = self._last[state.node.id]
+        before = self._key_before(state)
         if before is None:
             return ["it has not run before"]
         if before == state.key:
             return ["its stored result is gone"]
         with suppress(DamagedError, FileError):
-            manifest = self._store.find(before)
+            manifest = self.store.find(before)
             if manifest is not None:
                 return differences(manifest["ingredients"], state.ingredients)
         return ["what it depends on has changed"]
 
-    def _described(self, source: Source) -> dict[str, Any]:
+    def _input(self, source: Source) -> TaskInput:
         if isinstance(source, FileSource):
-            described: dict[str, Any] = {
-                "called": Path(source.path).name,  # also of a URL
-                "sha256": self.digests.digest(source.path),
-            }
-            # Files that it names are read with it and count as well.
-            names = self.digests.sidecars(source.path)
-            if names:
-                described["with"] = [digest for _, digest in names]
-            return described
+            return TaskInput(
+                called=Path(source.path).name,  # also of a URL
+                sha256=self.digests.digest(source.path),
+                path=source.path,
+                sidecars=tuple(self.digests.sidecars(source.path)),
+            )
         maker = self._states[source.node]
         assert maker.manifest is not None
-        called = maker.node.outputs[source.output]
-        return {"called": called, "sha256": output_digest(maker.manifest, source.output)}
+        return TaskInput(
+            called=maker.node.outputs[source.output],
+            sha256=output_digest(maker.manifest, source.output),
+            key=maker.key,
+            files=tuple(stored_files(maker.manifest)[source.output]),
+        )
 
     def task(self, state: StepState, threads: int, most_memory: int | None) -> Task:
         """Return the task by which a worker makes the result of a step."""
         node = state.node
-        inputs = {role: tuple(map(self._input, sources)) for role, sources in node.inputs.items()}
-        sizes = {role: tuple(map(self._size, sources)) for role, sources in node.inputs.items()}
+        sizes = {role: tuple(map(self._size, items)) for role, items in state.inputs.items()}
         kind = node.table.kind
         return Task(
             asset=node.id[0],
             step=node.id[1],
             kind=kind.name,
             settings=node.table.settings,
-            inputs=inputs,
+            inputs=state.inputs,
             outputs=node.outputs,
             key=state.key,
             ingredients=state.ingredients,
-            store=self._store.place,
+            store=self.store.place,
             threads=threads,
             memory_bytes=kind.memory(node.table.settings, sizes),
             most_memory=most_memory,
         )
 
-    def _input(self, source: Source) -> TaskInput:
-        described = self._described(source)
-        if isinstance(source, FileSource):
-            return TaskInput(
-                called=described["called"],
-                path=source.path,
-                sha256=described["sha256"],
-                sidecars=tuple(self.digests.sidecars(source.path)),
-            )
-        maker = self._states[source.node]
-        assert maker.manifest is not None
-        files = tuple(stored_files(maker.manifest)[source.output])
-        return TaskInput(called=described["called"], key=maker.key, files=files)
+    def _size(self, item: TaskInput) -> InputSize:
+        if item.path is not None:
+            return InputSize(0, 0) if is_url(item.path) else size_of(Path(item.path))
+        if self.store.is_local and len(item.files) == 1:
+            return size_of(Path(self.store.place) / item.files[0].name)
+        return size_by_length(item.files[0].name, sum(file.size for file in item.files))
 
-    def _size(self, source: Source) -> InputSize:
-        if isinstance(source, FileSource):
-            return InputSize(0, 0) if is_url(source.path) else size_of(Path(source.path))
-        manifest = self._states[source.node].manifest
-        assert manifest is not None
-        files = stored_files(manifest)[source.output]
-        if self._store.is_local and len(files) == 1:
-            return size_of(Path(self._store.place) / files[0].name)
-        return size_by_length(files[0].name, sum(file.size for file in files))
+
+def _described(item: TaskInput) -> dict[str, Any]:
+    """Return what of an input counts; files that are read with it count as well."""
+    described: dict[str, Any] = {"called": item.called, "sha256": item.sha256}
+    if item.sidecars:
+        described["with"] = [digest for _, digest in item.sidecars]
+    return described
 
 
 def ingredients_of(
@@ -258,14 +250,11 @@ def size_by_length(name: str, n_bytes: int) -> InputSize:
 
 def machine_memory() -> int:
     """Bytes of memory of this machine, or of the control group of its container if that is less."""
-    return min([_physical_memory(), *_group_limits()])
-
-
-def _physical_memory() -> int:
     try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):  # the system does not say
-        return 8 << 30
+        memory = 8 << 30
+    return min([memory, *_group_limits()])
 
 
 def _group_limits(

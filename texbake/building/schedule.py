@@ -14,7 +14,7 @@ from texbake.building import progress
 from texbake.building.graph import Id
 from texbake.building.progress import BuildEvent, BuildListener, EtaEstimator
 from texbake.building.resolve import Resolver, StepState
-from texbake.building.store import Manifest, Publisher, Store
+from texbake.building.store import Manifest, Publisher
 from texbake.building.task import Task, TaskOutcome
 from texbake.building.workers import Executor
 from texbake.errors import TexbakeError, counted
@@ -30,14 +30,13 @@ class Schedule:
         self,
         states: Mapping[Id, StepState],
         resolver: Resolver,
-        store: Store,
         publisher: Publisher,
         executor: Executor,
         *,
         memory_bytes: int | None,
         listener: BuildListener,
     ) -> None:
-        self._states, self._resolver, self._store = states, resolver, store
+        self._states, self._resolver = states, resolver
         self._publisher, self._executor = publisher, executor
         self._memory_bytes, self._listener = memory_bytes, listener
         self._ids = list(states)
@@ -144,7 +143,7 @@ class Schedule:
     def _close(self, step: Id, outcome: TaskOutcome) -> None:
         """End a step whose task, or the same task of another asset, has ended."""
         if outcome.manifest is not None:
-            self._store.remember(outcome.manifest, self._resolver.digests)
+            self._resolver.store.remember(outcome.manifest, self._resolver.digests)
             self._finish(step, outcome.manifest, progress.BUILT)
         else:
             self._states[step].trace = outcome.trace

@@ -158,8 +158,8 @@ class TaskInput:
     """An input of a task."""
 
     called: str  # its name, which appears in meshes and reports
+    sha256: str  # checksum of the file, or of the list of files in a folder
     path: str | None = None  # path or URL of a file outside the store
-    sha256: str | None = None  # checksum of that file
     # files that are read with it, and their digests or `MISSING`
     sidecars: tuple[tuple[str, str], ...] = ()
     key: str | None = None  # key of the stored result that it belongs to

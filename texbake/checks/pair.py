@@ -132,6 +132,11 @@ class MeshPair:
         distances_to_low, *_ = tree.closest_points(points, threads=self.low.options.threads)
         return float(np.median(distances_to_low)) <= APART * self.size * scale
 
+    @property
+    def ratio(self) -> float:
+        """Size of the high-poly mesh over that of the low-poly mesh; inf where that is a point."""
+        return float(pm.norm(self.sides[1])) / self.size if self.size > 0.0 else math.inf
+
     @cached_property
     def apart(self) -> bool:
         """Whether half of the low-poly mesh lies away from the high-poly mesh."""
@@ -255,10 +260,8 @@ def misalignment(pair: MeshPair) -> list[Finding | None]:
     if not pair.apart:
         return []
     sides, other_sides = pair.sides
-    size, other_size = float(pm.norm(sides)), float(pm.norm(other_sides))
-    ratio = other_size / size if size > 0.0 else math.inf
-    if not 1.0 / _SAME_SCALE < ratio < _SAME_SCALE:
-        return [pair.low.finding("differing-scale", 1, ratio=ratio)]
+    if not 1.0 / _SAME_SCALE < pair.ratio < _SAME_SCALE:
+        return [pair.low.finding("differing-scale", 1, ratio=pair.ratio)]
     turn = pair.fitting_rotation()
     axes = _swapped_axes(sides, other_sides) if turn is None else _axes_of(turn)
     if axes:
@@ -282,8 +285,7 @@ def require_alignment(high: Mesh, low: Mesh, *, threads: int | None = None) -> N
     pair = MeshPair.of(high, low, threads=threads)
     if not pair.apart:
         return
-    sides = [float(pm.norm(side)) for side in pair.sides]
-    ratio = sides[1] / sides[0] if sides[0] > 0.0 else math.inf
+    ratio = pair.ratio
     same = 1.0 / _SAME_SCALE < ratio < _SAME_SCALE
     if not math.isfinite(ratio) or not pair.fits_scaled(1.0 if same else ratio):
         return

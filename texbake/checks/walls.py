@@ -9,16 +9,14 @@ detail of the wrong wall. One ray is cast from the center of each face.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
-from texbake.baking.scenes import BakeScenes, RayExtent
+from texbake.baking.scenes import BakeScenes
 from texbake.baking.texels import Samples
-from texbake.checks.checked_mesh import BoolArray, Finding
+from texbake.checks.checked_mesh import Finding
 from texbake.checks.pair import MeshPair
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
@@ -31,24 +29,11 @@ _MAX_FACES = 100_000  # faces of the low-poly mesh that rays are cast from
 _LEAVES = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class WallProbe:
-    """What rays through the centers of low-poly faces meet, in the local frame."""
+def wall_findings(pair: MeshPair) -> list[Finding | None]:
+    """Find faces of walls thinner than the distance that rays go behind them; the thinnest first.
 
-    faces: npt.NDArray[np.int64]  # (n,) int64; faces that rays were cast from
-    step: int  # one of every `step` faces was used
-    # (n,) float64; from the face to the back of its wall; inf beyond the end of the ray.
-    thicknesses: FloatArray
-    # (n,) float64; from the face to the next wall in front of it; inf beyond the start of the ray.
-    gaps: FloatArray
-    # (n,) float64; height of the hit on the high-poly surface above the face; NaN where the ray
-    # misses.
-    heights: FloatArray
-    reach: RayExtent  # greatest ray distances of the bake, in model units
-
-
-def probe_walls(pair: MeshPair) -> WallProbe:
-    """Cast the rays: at the high-poly mesh as a bake does, at the low-poly mesh both ways."""
+    And faces whose rays hit the high-poly surface only beyond another part of the low-poly mesh.
+    """
     low, frame, threads = pair.low, pair.frame, pair.low.options.threads
     step = -(-low.mesh.n_faces // _MAX_FACES)
     faces = np.arange(0, low.mesh.n_faces, step)
@@ -63,9 +48,41 @@ def probe_walls(pair: MeshPair) -> WallProbe:
     )
     rays = scenes.fitted(longest, kind).rays(samples)
     hits = scene.cast(rays)
+    # Heights of the hits on the high-poly surface above the faces; NaN for a ray that misses.
     heights = np.where(hits.faces == NO_HIT, np.nan, rays.fronts - hits.distances)
+    thicknesses, gaps = _walls(pair, faces, rays)
+    with np.errstate(invalid="ignore"):  # a ray that misses hits no wrong wall
+        beyond = (heights > gaps) | (-heights > thicknesses)
+    passed = np.where(heights > 0.0, gaps, thicknesses)
+    part = f" Only one of every {step} faces was checked." if step > 1 else ""
+    return [
+        low.finding(
+            name,
+            which.sum(),
+            faces[which],
+            -distances[which],
+            least=float(frame.length_to_model(distances[which].min(initial=np.inf))),
+            reach=end,  # in model units
+            part=part,
+        )
+        for name, which, distances, end in (
+            ("thin-walls", np.isfinite(thicknesses), thicknesses, reach.back),
+            ("other-parts", beyond, passed, reach.front),
+        )
+    ]
+
+
+def _walls(
+    pair: MeshPair, faces: npt.NDArray[np.int64], rays: Rays
+) -> tuple[FloatArray, FloatArray]:
+    """Return distances from faces along their rays to other walls of the low-poly mesh.
+
+    (n,) float64 each, in the local frame: to the back of the wall, inf beyond the end of the ray;
+    and to the next wall in front, inf beyond its start.
+    """
+    low = pair.low
     on_face = rays.origins + rays.fronts[:, None] * rays.directions
-    scene = RayScene.build(low.mesh, frame, threads=threads)
+    scene = RayScene.build(low.mesh, pair.frame, threads=low.options.threads)
     distances = []
     for sign, reaches in ((1.0, rays.lengths - rays.fronts), (-1.0, rays.fronts)):
         there = sign * rays.directions
@@ -76,38 +93,4 @@ def probe_walls(pair: MeshPair) -> WallProbe:
         facing = pm.vecdot(low.normals[met.faces], there)
         meets = (met.faces != NO_HIT) & ((facing > 0.0) if sign > 0.0 else True)
         distances.append(np.where(meets, met.distances + _LEAVES, np.inf))
-    return WallProbe(faces, step, distances[0], distances[1], heights, reach)
-
-
-def thin_walls(pair: MeshPair, rays: WallProbe) -> Finding | None:
-    """Faces of walls thinner than the distance that rays go behind them; the thinnest first."""
-    thin = np.isfinite(rays.thicknesses)
-    return _wall_finding(pair, "thin-walls", rays, thin, rays.thicknesses, rays.reach.back)
-
-
-def other_parts(pair: MeshPair, rays: WallProbe) -> Finding | None:
-    """Faces whose rays hit the high-poly surface only beyond another part of the low-poly mesh."""
-    with np.errstate(invalid="ignore"):  # a ray that misses hits no wrong wall
-        beyond = (rays.heights > rays.gaps) | (-rays.heights > rays.thicknesses)
-    distances = np.where(rays.heights > 0.0, rays.gaps, rays.thicknesses)
-    return _wall_finding(pair, "other-parts", rays, beyond, distances, rays.reach.front)
-
-
-def _wall_finding(
-    pair: MeshPair,
-    name: str,
-    rays: WallProbe,
-    which: BoolArray,
-    distances: FloatArray,
-    reach: float,
-) -> Finding | None:
-    least = float(pair.frame.length_to_model(distances[which].min(initial=np.inf)))
-    part = f" Only one of every {rays.step} faces was checked." if rays.step > 1 else ""
-    faces, thinness = rays.faces[which], -distances[which]
-    return pair.low.finding(name, len(faces), faces, thinness, least=least, reach=reach, part=part)
-
-
-def wall_findings(pair: MeshPair) -> list[Finding | None]:
-    """All findings about walls and gaps."""
-    rays = probe_walls(pair)
-    return [thin_walls(pair, rays), other_parts(pair, rays)]
+    return distances[0], distances[1]
