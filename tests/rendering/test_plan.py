@@ -9,7 +9,7 @@ import pytest
 import texbake.rendering.draw as drawing
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import UvSet
-from texbake.mesh.shapes import cube, plane, uv_sphere
+from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import Activation, Effect, Rejection
@@ -102,6 +102,13 @@ def lit(*lights, **fields):
     return Lighting(lights=lights, **fields)
 
 
+def pair(wanted, unwanted, lighting=None, **fields):
+    """A case of two materials in one light, by default that of the sun."""
+    lighting = lighting or lit(SUN)
+    one, other = (scene(each, lighting=lighting) for each in (wanted, unwanted))
+    return Case(wanted=one, unwanted=other, **fields)
+
+
 OCCLUDED = Lighting(ambient=Ambient(color=(1, 1, 1)), occlusion=AmbientOcclusion())
 DARK_CORNERS = Case(
     wanted=scene(lambert(), lambert(), meshes=[CROSSED, plane()], lighting=OCCLUDED),
@@ -112,13 +119,9 @@ SHADOWED = Case(
     wanted=scene(lambert(), lambert(), lighting=lit(replace(SUN, shadow=Shadow(size=32)))),
     unwanted=scene(lambert(), lambert(), lighting=lit(SUN)),
 )
-TEXTURED = Case(
-    wanted=scene(unlit(base_color=picture())),
-    unwanted=scene(unlit(base_color=(0.1, 0.2, 0.3))),
-)
-FILTERED = Case(
-    wanted=scene(unlit(base_color=picture(filter="trilinear"))),
-    unwanted=scene(unlit(base_color=picture(filter="bilinear"))),
+TEXTURED = pair(unlit(base_color=picture()), unlit(base_color=(0.1, 0.2, 0.3)))
+FILTERED = pair(
+    unlit(base_color=picture(filter="trilinear")), unlit(base_color=picture(filter="bilinear"))
 )
 SURROUNDED = Case(
     wanted=scene(lambert(), lighting=Lighting(environment=ROOM)),
@@ -133,19 +136,12 @@ CASES: dict[str, Case] = {
         wanted=scene(unlit(base_color=picture()), mapping=UnwrapOptions(method="spherical")),
         unwanted=scene(unlit(), mapping=UnwrapOptions(method="spherical")),
     ),
-    "displacement": Case(
-        wanted=scene(unlit(displacement=Displacement(texture=picture(1), height=0.1))),
-        unwanted=scene(unlit()),
-    ),
+    "displacement": pair(unlit(displacement=Displacement(texture=picture(1), height=0.1)), unlit()),
     "layers": GLASS,
     "transparency": GLASS,
     "occlusion picture": DARK_CORNERS,
     "ambient occlusion": replace(DARK_CORNERS, why="it has no ambient light to darken"),
-    "lights": Case(
-        wanted=scene(lambert(), lighting=lit(SUN)),
-        unwanted=scene(unlit(), lighting=lit(SUN)),
-        why="no object in the picture is lit",
-    ),
+    "lights": pair(lambert(), unlit(), why="no object in the picture is lit"),
     "shadow maps": SHADOWED,
     "shadows": SHADOWED,
     "light profiles": Case(
@@ -156,10 +152,7 @@ CASES: dict[str, Case] = {
     "background": replace(SURROUNDED, why="its environment is not shown as the background"),
     "irradiance": SURROUNDED,
     "environment light": SURROUNDED,
-    "prefiltered environment": Case(
-        wanted=scene(Material(), lighting=Lighting(environment=ROOM)),
-        unwanted=scene(lambert(), lighting=Lighting(environment=ROOM)),
-    ),
+    "prefiltered environment": pair(Material(), lambert(), Lighting(environment=ROOM)),
     "rendered environment": Case(
         wanted=scene(
             unlit(reflection=HALF),
@@ -170,10 +163,7 @@ CASES: dict[str, Case] = {
     "positions": Case(
         wanted=scene(lambert(), lighting=lit(LAMP)), unwanted=scene(lambert(), lighting=lit(SUN))
     ),
-    "view directions": Case(
-        wanted=scene(Material(shading="blinn-phong"), lighting=lit(SUN)),
-        unwanted=scene(lambert(), lighting=lit(SUN)),
-    ),
+    "view directions": pair(Material(shading="blinn-phong"), lambert()),
     "derivatives": FILTERED,
     "mip maps": FILTERED,
     "images": TEXTURED,
@@ -182,75 +172,39 @@ CASES: dict[str, Case] = {
         wanted=scene(unlit(base_color=picture(uv_set="second")), meshes=[TWO_SETS]),
         unwanted=scene(unlit(base_color=picture()), meshes=[TWO_SETS]),
     ),
-    "procedures": Case(
-        wanted=scene(unlit(base_color=ProcedureTexture(procedure="checker"))),
-        unwanted=scene(unlit(base_color=(0.5, 0.5, 0.5))),
-    ),
+    "procedures": pair(unlit(base_color=ProcedureTexture(procedure="checker")), unlit()),
     "slots": Case(
         wanted=scene(unlit()),
         unwanted=scene(unlit()),
         unwanted_options=replace(SMALL, buffer="object-id"),
     ),
-    "projected textures": Case(
-        wanted=scene(
-            unlit(projected=(ProjectedTexture(texture=picture(), matrix=np.eye(4)),)),
-        ),
-        unwanted=scene(unlit()),
+    "projected textures": pair(
+        unlit(projected=(ProjectedTexture(texture=picture(), matrix=np.eye(4)),)), unlit()
     ),
-    "parallax": Case(
-        wanted=scene(
-            unlit(base_color=picture(), parallax=Parallax(texture=picture(1), depth=0.02))
-        ),
-        unwanted=scene(unlit(base_color=picture())),
+    "parallax": pair(
+        unlit(base_color=picture(), parallax=Parallax(texture=picture(1), depth=0.02)),
+        unlit(base_color=picture()),
     ),
-    "vertex normals": Case(
-        wanted=scene(lambert(), lighting=lit(SUN)), unwanted=scene(unlit(), lighting=lit(SUN))
+    "vertex normals": pair(lambert(), unlit()),
+    "normals": pair(lambert(), lambert(normal_map=normals())),
+    "tangents": pair(lambert(normal_map=normals()), lambert(normal_map=normals("object"))),
+    "normal map": pair(lambert(normal_map=normals()), unlit(normal_map=normals())),
+    "bump map": pair(lambert(bump_map=BumpMap(texture=picture(1))), lambert()),
+    "emboss": pair(
+        lambert(bump_map=BumpMap(texture=picture(1), form="emboss")),
+        lambert(bump_map=BumpMap(texture=picture(1))),
     ),
-    "normals": Case(
-        wanted=scene(lambert(), lighting=lit(SUN)),
-        unwanted=scene(lambert(normal_map=normals()), lighting=lit(SUN)),
-    ),
-    "tangents": Case(
-        wanted=scene(lambert(normal_map=normals()), lighting=lit(SUN)),
-        unwanted=scene(lambert(normal_map=normals("object")), lighting=lit(SUN)),
-    ),
-    "normal map": Case(
-        wanted=scene(lambert(normal_map=normals()), lighting=lit(SUN)),
-        unwanted=scene(unlit(normal_map=normals()), lighting=lit(SUN)),
-    ),
-    "bump map": Case(
-        wanted=scene(lambert(bump_map=BumpMap(texture=picture(1))), lighting=lit(SUN)),
-        unwanted=scene(lambert(), lighting=lit(SUN)),
-    ),
-    "emboss": Case(
-        wanted=scene(
-            lambert(bump_map=BumpMap(texture=picture(1), form="emboss")), lighting=lit(SUN)
-        ),
-        unwanted=scene(lambert(bump_map=BumpMap(texture=picture(1))), lighting=lit(SUN)),
-    ),
-    "unlit": Case(wanted=scene(unlit()), unwanted=scene(lambert(), lighting=lit(SUN))),
-    "lambert": Case(
-        wanted=scene(lambert(), lighting=lit(SUN)),
-        unwanted=scene(Material(shading="blinn-phong"), lighting=lit(SUN)),
-    ),
-    "blinn-phong": Case(
-        wanted=scene(Material(shading="blinn-phong"), lighting=lit(SUN)),
-        unwanted=scene(Material(), lighting=lit(SUN)),
-    ),
-    "metallic-roughness": Case(
-        wanted=scene(Material(), lighting=lit(SUN)),
-        unwanted=scene(lambert(), lighting=lit(SUN)),
-    ),
+    "unlit": pair(unlit(), lambert()),
+    "lambert": pair(lambert(), Material(shading="blinn-phong")),
+    "blinn-phong": pair(Material(shading="blinn-phong"), Material()),
+    "metallic-roughness": pair(Material(), lambert()),
     "ambient": Case(
         wanted=scene(lambert(), lighting=Lighting(ambient=Ambient(color=(1, 1, 1)))),
         unwanted=scene(lambert(), lighting=lit(SUN)),
     ),
-    "vertex light": Case(
-        wanted=scene(lambert(shading_rate="vertex"), lighting=lit(LAMP)),
-        unwanted=scene(lambert(), lighting=lit(LAMP)),
-    ),
-    "light map": Case(wanted=scene(lambert(light_map=0.5)), unwanted=scene(unlit(light_map=0.5))),
-    "emission": Case(wanted=scene(lambert(emission=(1, 1, 1))), unwanted=scene(lambert())),
+    "vertex light": pair(lambert(shading_rate="vertex"), lambert(), lit(LAMP)),
+    "light map": pair(lambert(light_map=0.5), unlit(light_map=0.5), Lighting()),
+    "emission": pair(lambert(emission=(1, 1, 1)), lambert(), Lighting()),
     "refraction": Case(
         wanted=scene(unlit(refraction=Refraction()), lighting=Lighting(environment=ROOM)),
         unwanted=scene(unlit(reflection=Reflection())),
@@ -502,26 +456,6 @@ def test_no_environment_is_rendered_without_a_reflector_in_view():
     # A lone mirror has nothing to show.
     frame, entered = entered_by(scene(mirror))
     assert reasons(frame.plan, "rendered environment") == ["the scene has no other object to show"]
-
-
-@pytest.mark.parametrize("mesh", [plane(), cube(), uv_sphere(8, 16)])
-def test_one_fragment_is_shaded_a_pixel_where_there_is_no_edge(mesh):
-    options = RenderOptions(width=48, height=40, supersampling=4, view=(30.0, 20.0))
-    effects, kept = watching()
-    the_scene = Scene(objects=(SceneObject(mesh=mesh, material=unlit()),))
-    camera = Camera.framing(mesh, options=options)
-    frame = draw(prepare(the_scene, options, effects=effects), camera)
-    samples = frame._visibility.face_ids.reshape(40, 4, 48, 4).swapaxes(1, 2).reshape(-1, 16)
-    triangles = [set(ids[ids >= 0]) for ids in samples]
-    pixels = np.concatenate([item.pixels for item in kept])
-    shaded = np.bincount(pixels, minlength=48 * 40)
-    np.testing.assert_array_equal(shaded, [len(ids) for ids in triangles])
-    assert (shaded == 1).sum() > 200
-    # Each for the share of the pixel that it is seen in.
-    assert sum(item.counts.sum() for item in kept) == (samples >= 0).sum()
-    kept.clear()
-    draw(prepare(the_scene, replace(options, edges="supersample"), effects=effects), camera)
-    assert sum(len(item) for item in kept) == (samples >= 0).sum()
 
 
 def test_what_is_unlit_or_out_of_the_picture_calls_for_hardly_anything():

@@ -42,7 +42,6 @@ from texbake.rendering.scene.file.values import (
     Vector,
     choice,
     existing_file,
-    format_value,
     is_number,
     key_error,
     linear,
@@ -50,6 +49,8 @@ from texbake.rendering.scene.file.values import (
     numbers,
     one_or_two,
     validation_error,
+    value_error,
+    value_type,
 )
 from texbake.rendering.scene.material import (
     Material,
@@ -154,9 +155,7 @@ def _number_in(low: float, high: float) -> Callable[[Any], float]:
         if is_number(value) and low <= value <= high:
             return float(value)
         what = "out of range" if is_number(value) else "not a number"
-        raise validation_error(
-            f"{format_value(value)} is {what}; give {wanted}, an image or a procedure"
-        )
+        raise value_error(value, f"is {what}; give {wanted}, an image or a procedure")
 
     return check
 
@@ -168,14 +167,15 @@ def _color(value: Any) -> tuple[float, ...]:
         return (float(value),) * 3
     if isinstance(value, list) and len(value) == 3 and all(is_number(v) and v >= 0 for v in value):
         return tuple(map(float, value))
-    raise validation_error(
-        f"{format_value(value)} is not a color; give a number, [r, g, b] (linear), "
-        "'#rrggbb' (sRGB), an image or a procedure"
+    raise value_error(
+        value,
+        "is not a color; give a number, [r, g, b] (linear), "
+        "'#rrggbb' (sRGB), an image or a procedure",
     )
 
 
 def _nothing(value: Any) -> Any:
-    raise validation_error(f"{format_value(value)} is not a texture; give an image or a procedure")
+    raise value_error(value, "is not a texture; give an image or a procedure")
 
 
 _AMOUNT: JsonSchema = {"type": "number", "minimum": 0}
@@ -214,16 +214,14 @@ def _matrix(*n_rows: int) -> Any:
             for number in (row if isinstance(row, list) else [row])
         ]
         if len(flat) not in counts or not all(map(is_number, flat)):
-            raise validation_error(
-                f"{format_value(value)} is neither {wanted} numbers, row by row, nor a file of them"
-            )
+            raise value_error(value, f"is neither {wanted} numbers, row by row, nor a file of them")
         return np.array(whole_matrix(np.array(flat, np.float64).reshape(-1, 4).tolist()))
 
     schemas: list[JsonSchema] = [
         {"type": "array", "items": _NUMBER, "minItems": 4 * n, "maxItems": 4 * n} for n in n_rows
     ]
     rows = {"type": "array", "items": _ROW, "minItems": min(n_rows), "maxItems": max(n_rows)}
-    return Annotated[Any, PlainValidator(read), WithJsonSchema({"anyOf": [*schemas, rows, FILE]})]
+    return value_type(read, {"anyOf": [*schemas, rows, FILE]})
 
 
 Matrix = _matrix(4)

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from pydantic import (
     Field,
-    PlainValidator,
     ValidationError,
     ValidationInfo,
-    WithJsonSchema,
     create_model,
 )
 
@@ -52,9 +50,10 @@ from texbake.rendering.scene.file.values import (
     color_of,
     existing_file,
     first_error,
-    format_value,
     is_number,
     validation_error,
+    value_error,
+    value_type,
 )
 from texbake.rendering.scene.lights import (
     Ambient,
@@ -124,9 +123,7 @@ LightTable = table(
 
 def _faces(value: Any, info: ValidationInfo) -> Any:
     if not isinstance(value, list) or len(value) != 6:
-        raise validation_error(
-            f"{format_value(value)} is not a list of six files: +x, -x, +y, -y, +z, -z"
-        )
+        raise value_error(value, "is not a list of six files: +x, -x, +y, -y, +z, -z")
     return tuple(existing_file(name, info) for name in value)
 
 
@@ -138,8 +135,8 @@ _SIX_FILES = {"type": "array", "items": FILE, "minItems": 6, "maxItems": 6}
 EnvironmentTable = table(
     Environment,
     {
-        "image": Annotated[Any, PlainValidator(_room_or_file), WithJsonSchema(FILE)],
-        "faces": Annotated[Any, PlainValidator(_faces), WithJsonSchema(_SIX_FILES)],
+        "image": value_type(_room_or_file, FILE),
+        "faces": value_type(_faces, _SIX_FILES),
     },
 )
 AmbientTable = table(Ambient)
@@ -168,12 +165,11 @@ NOT_IN_RENDER = ("view", "fov", "base_color", "max_error", "time_budget")
 
 def _angles(value: Any) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) not in (2, 3) or not all(map(is_number, value)):
-        raise validation_error(
-            f"{format_value(value)} is neither [azimuth, elevation] nor "
-            "[azimuth, elevation, distance]"
+        raise value_error(
+            value, "is neither [azimuth, elevation] nor [azimuth, elevation, distance]"
         )
     if len(value) == 3 and not value[2] > 0:
-        raise validation_error(f"{format_value(value)} has a distance that is not above 0")
+        raise value_error(value, "has a distance that is not above 0")
     return tuple(map(float, value))
 
 
@@ -200,7 +196,7 @@ CameraTable = table(
     without=("angles",),
     more={
         "view": described(
-            Annotated[Any, PlainValidator(_angles), WithJsonSchema(_ANGLES)],
+            value_type(_angles, _ANGLES),
             option_of(RenderOptions, "view").help,
         )
     },
@@ -210,7 +206,7 @@ RenderTable = table(
     RenderOptions,
     {
         "background": described(
-            Annotated[Any, PlainValidator(_background), WithJsonSchema(_BACKGROUND)],
+            value_type(_background, _BACKGROUND),
             "Color behind the objects, or transparent. Default: dark gray.",
         )
     },

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -52,6 +52,11 @@ _OPTION = re.compile(r"(?:[^:]*\.)?([\w-]+): (.*)", re.DOTALL)
 def validation_error(what: str) -> PydanticCustomError:
     """Error for a value; `what` says what is wrong and what was expected."""
     return PydanticCustomError("fault", "{what}", {"what": what})
+
+
+def value_error(value: Any, what: str) -> PydanticCustomError:
+    """Error that starts with the value; `what` goes on with `is not a number`."""
+    return validation_error(f"{format_value(value)} {what}")
 
 
 def key_error(key: str, what: str) -> PydanticCustomError:
@@ -132,6 +137,11 @@ def _line(steps: Sequence[int | str], what: str) -> str:
     return f"{place}: {what}" if place else what
 
 
+def value_type(check: Callable[..., Any], schema: JsonSchema) -> Any:
+    """Type of a value that a function checks and converts, with its JSON Schema."""
+    return Annotated[Any, PlainValidator(check), WithJsonSchema(schema)]
+
+
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
 Switch = Annotated[bool, Strict()]
@@ -176,14 +186,12 @@ def numbers(n: int | None, *, or_one: bool = False) -> Any:
         if or_one and is_number(value):
             return (float(value),) * (n or 1)
         if not _is_list(value, n):
-            raise validation_error(
-                f"{format_value(value)} is not {'a number or ' if or_one else ''}{wanted}"
-            )
+            raise value_error(value, f"is not {'a number or ' if or_one else ''}{wanted}")
         return tuple(map(float, value))
 
     if or_one:
         schema = {"anyOf": [{"type": "number"}, schema]}
-    return Annotated[Any, PlainValidator(check), WithJsonSchema(schema)]
+    return value_type(check, schema)
 
 
 def linear(value: str) -> tuple[float, float, float]:
@@ -205,13 +213,9 @@ def color_of(value: Any) -> tuple[float, ...]:
     if isinstance(value, str):
         return linear(value)
     if not _is_list(value, 3):
-        raise validation_error(
-            f"{format_value(value)} is not a color; give three linear numbers or '#rrggbb'"
-        )
+        raise value_error(value, "is not a color; give three linear numbers or '#rrggbb'")
     if min(value) < 0:
-        raise validation_error(
-            f"{format_value(value)} is not a color; its numbers must be 0 or more"
-        )
+        raise value_error(value, "is not a color; its numbers must be 0 or more")
     return tuple(map(float, value))
 
 
@@ -227,20 +231,16 @@ COLOR = {
     ]
 }
 Vector = numbers(3)
-Color = Annotated[Any, PlainValidator(color_of), WithJsonSchema(COLOR)]
+Color = value_type(color_of, COLOR)
 # A number or a color that a texture is multiplied by.
-Factor = Annotated[
-    Any,
-    PlainValidator(_factor),
-    WithJsonSchema({"anyOf": [{"type": "number"}, *COLOR["anyOf"]]}),
-]
+Factor = value_type(_factor, {"anyOf": [{"type": "number"}, *COLOR["anyOf"]]})
 
 
 def _check_word(value: Any, words: Sequence[str]) -> None:
     if not isinstance(value, str) or value not in words:
         advice = nearest(value, words) if isinstance(value, str) else ""
         advice = f"; {advice}" if advice.startswith("did") else ""
-        raise validation_error(f"{format_value(value)} is not one of {', '.join(words)}{advice}")
+        raise value_error(value, f"is not one of {', '.join(words)}{advice}")
 
 
 def choice(words: Sequence[str]) -> Any:
@@ -250,7 +250,7 @@ def choice(words: Sequence[str]) -> Any:
         _check_word(value, words)
         return value
 
-    return Annotated[Any, PlainValidator(check), WithJsonSchema({"enum": list(words)})]
+    return value_type(check, {"enum": list(words)})
 
 
 def one_or_two(words: Sequence[str]) -> Any:
@@ -263,23 +263,21 @@ def one_or_two(words: Sequence[str]) -> Any:
         for word in value:
             _check_word(word, words)
         if len(value) != 2:
-            raise validation_error(
-                f"{format_value(value)} is not one word, or two: for u and for v"
-            )
+            raise value_error(value, "is not one word, or two: for u and for v")
         return tuple(value)
 
     word: JsonSchema = {"enum": list(words)}
     pair = {"type": "array", "items": word, "minItems": 2, "maxItems": 2}
-    return Annotated[Any, PlainValidator(check), WithJsonSchema({"anyOf": [word, pair]})]
+    return value_type(check, {"anyOf": [word, pair]})
 
 
 def existing_file(value: Any, info: ValidationInfo) -> Path:
     """Path of an existing file, given relative to the scene file."""
     if not isinstance(value, str) or not value:
-        raise validation_error(f"{format_value(value)} is not a file name")
+        raise value_error(value, "is not a file name")
     assert isinstance(info.context, Place)
     if len(value) > LONGEST_NAME:
-        raise validation_error(f"{format_value(value)} is too long for a file name")
+        raise value_error(value, "is too long for a file name")
     path = info.context.folder / value
     try:
         require_file(path)
@@ -290,7 +288,7 @@ def existing_file(value: Any, info: ValidationInfo) -> Path:
 
 
 FILE = {"type": "string", "minLength": 1}
-File = Annotated[Any, PlainValidator(existing_file), WithJsonSchema(FILE)]
+File = value_type(existing_file, FILE)
 
 
 def _existing_files(value: Any, info: ValidationInfo) -> Path | tuple[Path, ...]:
@@ -300,11 +298,9 @@ def _existing_files(value: Any, info: ValidationInfo) -> Path | tuple[Path, ...]
 
 
 # A file, or several.
-Files = Annotated[
-    Any,
-    PlainValidator(_existing_files),
-    WithJsonSchema({"anyOf": [FILE, {"type": "array", "items": FILE, "minItems": 1}]}),
-]
+Files = value_type(
+    _existing_files, {"anyOf": [FILE, {"type": "array", "items": FILE, "minItems": 1}]}
+)
 
 
 def _channel(value: Any) -> int:
@@ -312,14 +308,10 @@ def _channel(value: Any) -> int:
         return "rgba".index(value)
     if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= 3:
         return value
-    raise validation_error(
-        f"{format_value(value)} is not a channel; give 'r', 'g', 'b', 'a' or 0 to 3"
-    )
+    raise value_error(value, "is not a channel; give 'r', 'g', 'b', 'a' or 0 to 3")
 
 
-Channel = Annotated[
-    Any, PlainValidator(_channel), WithJsonSchema({"enum": ["r", "g", "b", "a", 0, 1, 2, 3]})
-]
+Channel = value_type(_channel, {"enum": ["r", "g", "b", "a", 0, 1, 2, 3]})
 
 
 def _to_tuples(value: Any) -> Any:
@@ -335,9 +327,7 @@ def _colors(value: Any, info: ValidationInfo) -> tuple[tuple[float, ...], ...]:
     if isinstance(value, str) and not value.startswith("#"):
         return _row_of(existing_file(value, info))
     if not isinstance(value, list) or len(value) < 2:
-        raise validation_error(
-            f"{format_value(value)} is not a list of two or more colors, nor an image of them"
-        )
+        raise value_error(value, "is not a list of two or more colors, nor an image of them")
     return tuple(map(color_of, value))
 
 
@@ -353,8 +343,4 @@ def _row_of(path: Path) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(color) for color in row.tolist())
 
 
-Colors = Annotated[
-    Any,
-    PlainValidator(_colors),
-    WithJsonSchema({"anyOf": [{"type": "array", "items": COLOR, "minItems": 2}, FILE]}),
-]
+Colors = value_type(_colors, {"anyOf": [{"type": "array", "items": COLOR, "minItems": 2}, FILE]})
