@@ -19,9 +19,7 @@ Run = Callable[..., subprocess.CompletedProcess[str]]
 @pytest.mark.parametrize(
     ("line", "name"),
     [
-        ("info high.ply", "high.ply"),
         ("bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --threads 1", "n.png"),
-        ("run high.ply -o job --faces 100 --size 64 --padding 2", "job/high_low.glb"),
         ("bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --size 32", "t.exr"),
     ],
 )
@@ -43,12 +41,6 @@ def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
     assert done.stderr == ""
 
 
-def test_info_reports_what_a_file_holds(workplace: Path, invoke: Invoke) -> None:
-    rows = dict(row.split(maxsplit=1) for row in invoke("info low.obj").stdout.splitlines())
-    assert rows["faces"] == "112"
-    assert rows["closed"].endswith("yes, genus 0") or "closed" in rows
-
-
 def test_info_lists_materials_and_images(workplace: Path, invoke: Invoke) -> None:
     write_image(np.zeros((8, 16, 3), dtype=np.float32), "paint.png", color=True)
     Path("paint.mtl").write_text("newmtl skin\nmap_Kd paint.png\nmap_Bump missing.png\n")
@@ -63,25 +55,6 @@ def test_info_lists_materials_and_images(workplace: Path, invoke: Invoke) -> Non
     assert found["materials"][0]["channels"]["base-color"] == "paint.png"
 
 
-def test_simplify_reaches_the_count(workplace: Path, invoke: Invoke) -> None:
-    invoke("simplify high.ply -o low_1.ply --faces 300 --quiet")
-    assert read_mesh("low_1.ply").n_faces <= 300
-
-
-def test_simplify_stays_within_an_error(workplace: Path, invoke: Invoke) -> None:
-    invoke("simplify high.ply -o low_1.ply --error 0.5% --report r.json --quiet")
-    report = json.loads(Path("r.json").read_text())
-    assert report["n_faces"] < report["n_faces_before"] and report["n_faces_asked"] is None
-    assert report["distance"]["max"] <= report["error_asked"]
-
-
-def test_unwrap_keeps_positions(workplace: Path, invoke: Invoke) -> None:
-    invoke("unwrap low.obj -o out.obj")
-    before, after = read_mesh("low.obj"), read_mesh("out.obj")
-    np.testing.assert_array_equal(before.positions, after.positions)
-    np.testing.assert_array_equal(before.faces, after.faces)
-
-
 def test_a_projector_can_be_a_matrix(workplace: Path, invoke: Invoke) -> None:
     # Looks along -z, in parallel: s = (x + 1) / 2, t = (y + 1) / 2.
     Path("slide.txt").write_text("0.5 0 0 0.5  0 0.5 0 0.5  0 0 -1 1  0 0 0 1")
@@ -89,26 +62,6 @@ def test_a_projector_can_be_a_matrix(workplace: Path, invoke: Invoke) -> None:
     mesh = read_mesh("out.obj")
     positions = mesh.positions[mesh.faces]
     np.testing.assert_allclose(mesh.corner_uvs(), (positions[:, :, :2] + 1.0) / 2.0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("choices", "by_hand"),
-    [
-        ("--scale 2,3 --offset 1,0", lambda uv: uv * [2, 3] + [1, 0]),
-        ("--flip s --rotate 90", lambda uv: np.stack([1 - uv[..., 1], 1 - uv[..., 0]], axis=-1)),
-        ("--linear 0,1,0,1,0,0.5", lambda uv: uv[..., ::-1] + [0, 0.5]),
-    ],
-)
-def test_steps_after_a_mapping(workplace, invoke, choices, by_hand) -> None:  # type: ignore[no-untyped-def]
-    invoke(f"unwrap low.obj -o out.obj --method parametric {choices}")
-    before, after = (read_mesh(name).corner_uvs() for name in ("low.obj", "out.obj"))
-    np.testing.assert_allclose(after, by_hand(before), atol=1e-9)
-
-
-def test_a_mesh_may_be_replaced_by_its_result(workplace: Path, invoke: Invoke) -> None:
-    Path("high.ply").write_bytes(Path("high.ply").read_bytes())
-    invoke("simplify high.ply -o high.ply --faces 300")
-    assert read_mesh("high.ply").n_faces <= 300
 
 
 @pytest.mark.parametrize(
@@ -126,18 +79,6 @@ def test_normals_in_any_format_decode_to_the_same(
     # Half a step between codes of [0, 1], and what float32 leaves of it.
     step = 0.0 if image.is_float else 0.5 / (2**bits - 1) + 1e-7
     assert np.abs(image.pixels - reference).max() <= step
-
-
-def test_directx_turns_the_green_channel(workplace: Path, invoke: Invoke) -> None:
-    for convention in "opengl", "directx":
-        invoke(
-            f"bake-normals high.ply low.obj -o {convention}.exr --size 32 --convention {convention}"
-        )
-    opengl, directx = (
-        read_image(f"{name}.exr", color=False).pixels for name in ("opengl", "directx")
-    )
-    np.testing.assert_array_equal(opengl[..., [0, 2]], directx[..., [0, 2]])
-    np.testing.assert_allclose(opengl[..., 1], 1.0 - directx[..., 1], atol=1e-7)  # float32
 
 
 def test_one_trace_gives_the_same_maps_as_two(workplace: Path, invoke: Invoke) -> None:
@@ -175,22 +116,6 @@ def test_clipped_heights_are_reported(workplace: Path, invoke: Invoke) -> None:
     assert " clipped to the range" in message
 
 
-def test_compare_finds_the_mapped_mesh_closer(workplace: Path, invoke: Invoke) -> None:
-    invoke("bake high.ply low.obj -o maps --maps normal,displacement --size 256 --format exr")
-    invoke(
-        "compare high.ply low.obj --normal-map maps/normal.exr "
-        "--displacement maps/displacement.exr --size 200 --report r.json"
-    )
-    report = json.loads(Path("r.json").read_text())
-    assert report["mapped"]["mean_deg"] < 0.5 * report["bare"]["mean_deg"]
-    assert report["mapped"]["psnr_db"] > report["bare"]["psnr_db"]
-
-
-def test_quiet_says_nothing(workplace: Path, run: Run) -> None:
-    done = run("bake-normals high.ply low.obj -o n.png --size 32 --padding 0 --quiet")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-
-
 def test_progress_as_json(workplace: Path, run: Run) -> None:
     done = run("bake-normals high.ply low.obj -o n.png --size 32 --padding 0 --progress json")
     events = [json.loads(line) for line in done.stderr.splitlines()]
@@ -198,13 +123,3 @@ def test_progress_as_json(workplace: Path, run: Run) -> None:
     finished = [event["stage"] for event in events if event["event"] == "finished"]
     assert started[:2] == ["read low.obj", "read high.ply"]
     assert sorted(started) == sorted(finished)
-
-
-def test_threads_change_no_byte(workplace: Path, invoke: Invoke) -> None:
-    for threads in 1, 2:
-        invoke(
-            f"bake high.ply low.obj -o maps{threads} --maps normal,displacement --size 64 "
-            f"--samples 4 --threads {threads}"
-        )
-    for name in "normal.png", "displacement.png":
-        assert Path("maps1", name).read_bytes() == Path("maps2", name).read_bytes()

@@ -26,12 +26,6 @@ CONTEXT = click.Context(texbake, info_name="texbake")
 Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
-def help_of(name: str) -> str:
-    result = CliRunner().invoke(texbake, [name, "--help"])
-    assert result.exit_code == 0, result.output
-    return result.output
-
-
 def examples_in(text: str) -> list[str]:
     """The command lines below `Example:`."""
     return re.findall(r"^ +texbake (.+)$", text.partition("Example:")[2], re.MULTILINE)
@@ -43,14 +37,24 @@ def test_help_lists_every_command_with_its_purpose() -> None:
     for name in COMMANDS:
         assert re.search(rf"^  {name} +\S.{{10}}", result.output, re.MULTILINE)
     assert "..." not in result.output.partition("Meshes:")[2]  # each fits its line
+    (example,) = examples_in(result.output)
+    assert shlex.split(example)[0] in COMMANDS
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_the_list_of_commands_says_what_each_says_itself(name: str) -> None:
-    command = texbake.get_command(click.Context(texbake), name)
+def test_help_fits_a_terminal_and_has_examples_that_parse(name: str) -> None:
+    command = texbake.get_command(CONTEXT, name)
     assert command is not None
     listed = click.Command(name, help=COMMANDS[name])
     assert command.get_short_help_str(200) == listed.get_short_help_str(200)
+    result = CliRunner().invoke(texbake, [name, "--help"])
+    assert result.exit_code == 0 and max(map(len, result.output.splitlines())) <= 100
+    examples = examples_in(result.output)
+    assert examples
+    for example in examples:
+        words = shlex.split(example)
+        assert words[0] == name
+        command.make_context(name, words[1:])  # raises where it does not parse
 
 
 def test_version(run: Run) -> None:
@@ -62,50 +66,6 @@ def test_a_missing_command_is_wrong_usage_and_shows_the_help() -> None:
     result = CliRunner().invoke(texbake, [])
     assert result.exit_code == 2
     assert "Meshes:" in result.output
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_has_an_example_that_parses(name: str) -> None:
-    examples = examples_in(help_of(name))
-    assert examples
-    for example in examples:
-        words = shlex.split(example)
-        assert words[0] == name
-        command = texbake.get_command(click.Context(texbake), name)
-        assert command is not None
-        command.make_context(name, words[1:])  # raises where it does not parse
-
-
-def test_the_groups_own_example_parses() -> None:
-    (example,) = examples_in(CliRunner().invoke(texbake, ["--help"]).output)
-    assert shlex.split(example)[0] in COMMANDS
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_help_fits_a_terminal(name: str) -> None:
-    assert max(map(len, help_of(name).splitlines())) <= 100
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("--nonsense", "texbake: no such option"),
-        ("nonsense", "texbake: no such command 'nonsense'"),
-        ("info", "texbake info: missing argument 'MESH'"),
-        ("bake a.ply b.obj", "texbake bake: missing option '-o'"),
-        ("run a.ply -o asset", "texbake run: --faces, --error: neither is given"),
-        ("simplify a.ply -o low.obj", "texbake simplify: --faces, --error: neither is given"),
-        ("bake-normals a b -o c.png --size huge", "'huge' is not a size such as"),
-        ("bake a b -o maps --maps normal,colour", "colour is not one of normal,"),
-    ],
-)
-def test_wrong_usage_is_one_line_and_exit_code_2(line: str, message: str) -> None:
-    result = CliRunner().invoke(texbake, line.split())
-    assert result.exit_code == 2
-    assert result.stdout == ""
-    assert result.stderr.count("\n") == 1
-    assert message in result.stderr
-    assert "--help)" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -205,27 +165,6 @@ def test_the_shell_completes(script: Path, tmp_path: Path, words: str, expected:
         [script], capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=60
     )
     assert {line.partition(",")[2] for line in done.stdout.splitlines()} == expected
-
-
-def test_bash_completes(script: Path, tmp_path: Path) -> None:
-    (tmp_path / "scan.ply").touch()
-    (tmp_path / "scan.txt").touch()
-    lines = (
-        'eval "$(_TEXBAKE_COMPLETE=bash_source texbake)"',
-        "COMP_WORDS=(texbake info sc) COMP_CWORD=2",
-        "_texbake_completion texbake",
-        'echo "${COMPREPLY[@]}"',
-    )
-    environment = {**os.environ, "PATH": f"{script.parent}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(
-        ["bash", "-c", "\n".join(lines)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        cwd=tmp_path,
-        timeout=60,
-    )
-    assert (done.stdout, done.stderr) == ("scan.ply\n", "")
 
 
 def test_a_process_that_read_an_image_says_nothing_at_its_end(run: Run, tmp_path: Path) -> None:

@@ -68,15 +68,6 @@ def test_closed_streams_stop_nothing(tmp_path, script, closed):
     assert texbake.read_mesh(tmp_path / "ball_uv.obj").uvs is not None
 
 
-def test_a_name_that_is_as_long_as_names_may_be(tmp_path):
-    """The name of a file beside it, of further texture coordinates, would be too long."""
-    texbake.write_mesh(icosphere(1), tmp_path / "ball.obj")
-    path = (tmp_path / "ball.obj").rename(tmp_path / f"{'x' * 250}.obj")
-    result = CliRunner().invoke(command, ["info", str(path)])
-    assert (result.exit_code, result.exception) == (0, None)
-    assert "80" in result.stdout
-
-
 def command_of(name: str) -> click.Command:
     found = command.get_command(click.Context(command), name)
     assert found is not None

@@ -7,11 +7,10 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from tests.fbx_writer import POINTS, binary, layer, scene, shape
+from tests.fbx_writer import binary, scene
 from texbake import write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere
-from texbake.texture.image import write_image
 
 COMMANDS = {
     "info": "info {model}",
@@ -151,15 +150,6 @@ def test_a_model_far_too_large(answer, tmp_path, command):
 
 
 @every_command
-def test_a_mirrored_model(answer, tmp_path, command):
-    path = tmp_path / "a.gltf"
-    moved(scale=[-2, 1, 1])(path)
-    result = answer(command, path)
-    assert result.exit_code == 0, result.stderr
-    assert "inward" not in result.stderr
-
-
-@every_command
 def test_a_model_that_is_all_cavities(answer, tmp_path, command):
     """Twenty balls of 168 faces, which face inwards."""
     ball = uv_sphere(8, 12)
@@ -174,23 +164,6 @@ def test_a_model_that_is_all_cavities(answer, tmp_path, command):
         assert "flipped 3,360 triangles" in result.stderr
 
 
-@pytest.mark.parametrize("command", ["info", "check", "convert", "remesh"])
-def test_twenty_thousand_components(answer, tmp_path, command):
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    n = 20_000
-    places = 2.0 * np.stack(np.unravel_index(np.arange(n), (28, 28, 28)), axis=1)
-    mesh = Mesh(
-        positions=(corners + places[:, None]).reshape(-1, 3),
-        faces=(faces + 4 * np.arange(n)[:, None, None]).reshape(-1, 3),
-    )
-    write_mesh(mesh, tmp_path / "a.ply")
-    result = answer(command, tmp_path / "a.ply")
-    assert result.exit_code == 0, result.stderr
-    if command == "info":
-        assert "20,000" in result.stdout
-
-
 def many_materials(path):
     """A strip of 2,000 triangles, each with a material of its own."""
     n = 2000
@@ -202,30 +175,8 @@ def many_materials(path):
     path.with_name("a.mtl").write_text("".join(materials))
 
 
-@pytest.mark.parametrize("command", ["info", "check", "simplify", "convert", "lighten"])
-def test_two_thousand_materials(answer, tmp_path, command):
+def test_pictures_of_two_thousand_materials_are_not_compared(answer, tmp_path):
     many_materials(tmp_path / "a.obj")
-    result = answer(command, tmp_path / "a.obj")
+    result = answer("lighten", tmp_path / "a.obj")
     assert result.exit_code == 0, result.stderr
-    if command == "lighten":
-        assert "it has more than 1,000 parts, so its pictures are not compared" in result.stderr
-
-
-def test_ten_thousand_materials_of_an_fbx_file(answer, tmp_path):
-    n = 10_000
-    polygons = np.tile(np.array([0, 1, ~3], np.int32), n)
-    points = POINTS[[0, 1, 2, 3]]
-    ids = layer("LayerElementMaterial", ("Materials", np.arange(n, dtype=np.int32)), "ByPolygon")
-    names = [f"m{i}" for i in range(n)]
-    fbx(tmp_path / "a.fbx", None, materials=names, geometry=shape([ids], points, polygons))
-    result = answer("info", tmp_path / "a.fbx")
-    assert result.exit_code == 0, result.stderr
-    assert "9,988" in result.stdout
-
-
-@pytest.mark.parametrize("command", ["info", "convert", "lighten", "run"])
-def test_an_image_of_one_texel(answer, tmp_path, command):
-    write_image(np.full((1, 1, 3), 0.5, np.float32), tmp_path / "image.png")
-    write_mesh(uv_sphere(8, 12), tmp_path / "a.glb", base_color=tmp_path / "image.png")
-    result = answer(command, tmp_path / "a.glb")
-    assert result.exit_code == 0, result.stderr
+    assert "it has more than 1,000 parts, so its pictures are not compared" in result.stderr

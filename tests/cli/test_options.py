@@ -9,12 +9,11 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 from texbake_cli.options import IMAGE_SUFFIXES
+from writing_commands import LINES
 
-from texbake import BakeOptions, RenderOptions, RunOptions, UnwrapOptions, read_mesh, write_mesh
+from texbake import BakeOptions, RenderOptions, RunOptions, UnwrapOptions, write_mesh
 from texbake.baking.options import SecondaryOptions
-from texbake.errors import FileFormatError
 from texbake.jobs.options import DemoOptions
-from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
 from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format
 
@@ -49,32 +48,9 @@ def test_defaults_are_those_of_the_api(line: str, options: Any) -> None:
         assert values[name] == getattr(options, name), name
 
 
-OUTPUTS = [
-    "bake a b -o c",
-    "bake-normals a b -o c.png --size 64",
-    "bake-lightmap a.toml -o c",
-    "cage a b -o c.obj",
-    "compare a b -o c.png",
-    "convert a.obj -o c.obj --up z",
-    "cubemap a.png -o c",
-    "export a --to unreal -o c",
-    "lighten a.glb -o c.glb",
-    "make sphere -o c.obj",
-    "mipmap a.png -o c",
-    "pack-channels --red a.png --green 0.5 --blue 0 -o c.png",
-    "pack-textures a.png b.png -o c.png --mesh a.obj",
-    "preview a.obj -o c.png --view 90,10",
-    "remap a.npz -o c",
-    "remesh a.ply -o c.ply",
-    "repair a.ply -o c.ply",
-    "run a.ply -o c --faces 500",
-    "schema scene -o c.json",
-    "simplify a.ply -o c.ply --faces 500",
-    "split-channels a.png -o c",
-    "transform a.ply -o c.ply",
-    "unwrap a.obj -o c.obj --size 64",
-    "unwrap a.obj b.obj -o c --tiles 2",
-]
+# Of these, the folder has a default.
+DEFAULT = ("bench", "build", "demo", "study", "watch")
+OUTPUTS = [line for *_, line in LINES.values() if " -o " in line and line.split()[0] not in DEFAULT]
 
 
 @pytest.mark.parametrize("line", OUTPUTS)
@@ -87,8 +63,8 @@ def test_the_output_may_also_be_the_last_argument(line: str) -> None:
     # Before the options that follow it, and after all of them.
     for at in place, len(words):
         assert parsed(" ".join([*words[:at], name, *words[at:]])) == expected
-    several = words[0] in ("unwrap", "pack-textures")  # here one more name is one more input
-    if not several:
+    # Of these, one more name is one more input.
+    if words[0] not in ("unwrap", "pack-textures"):
         with pytest.raises(click.UsageError, match=f"two outputs are named: {name} and other"):
             parsed(f"{line} other")
 
@@ -124,19 +100,6 @@ def test_every_choice_of_a_bake_can_be_made(line: str) -> None:
             field.name for field in dataclasses.fields(SecondaryOptions)
         }
     assert fields <= set(parsed(line))
-
-
-@pytest.mark.parametrize("suffix", WRITABLE_MESH_SUFFIXES)
-def test_meshes_are_written_in_every_format_offered(suffix: str, tmp_path: Path) -> None:
-    write_mesh(cube(), tmp_path / f"cube{suffix}")
-    assert read_mesh(tmp_path / f"cube{suffix}").n_faces == 12
-    assert suffix in MESH_SUFFIXES
-
-
-def test_a_format_not_offered_cannot_be_written(tmp_path: Path) -> None:
-    for suffix in {*MESH_SUFFIXES} - {*WRITABLE_MESH_SUFFIXES}:
-        with pytest.raises(FileFormatError):
-            write_mesh(cube(), tmp_path / f"cube{suffix}")
 
 
 @pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)

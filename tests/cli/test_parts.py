@@ -1,7 +1,6 @@
 """Assets of many parts on the command line."""
 
 import json
-import subprocess
 
 import numpy as np
 import pytest
@@ -174,15 +173,6 @@ def test_impossible_options_are_one_line(run, folder, words, code, message, monk
     assert result.exit_code == code, result.output
     assert message in result.output
     assert "Traceback" not in result.output
-
-
-def test_a_process_does_the_same(script, folder, tmp_path):
-    done = subprocess.run(
-        [script, "bake", folder / "high.obj", folder / "low.obj",
-         "--match-by-name", "--dry-run", "-o", tmp_path / "maps"],
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
-    assert "arm_low  from arm_high" in done.stdout
 
 
 def test_an_asset_in_other_units_is_refused(run, tmp_path):

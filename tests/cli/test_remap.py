@@ -112,26 +112,3 @@ def test_wrong_options_are_one_line(baked, tmp_path, words, message):
     assert result.exit_code == 2
     assert message in result.output
     assert not (tmp_path / "maps").exists()
-
-
-def test_a_file_that_is_not_a_trace_is_one_line(tmp_path):
-    (tmp_path / "a.npz").write_text("hello")
-    result = run("remap", tmp_path / "a.npz", "-o", tmp_path)
-    assert result.exit_code == 1
-    assert "it is not a file of hits" in result.output
-
-
-def test_a_mesh_without_the_inputs_of_a_map_is_one_line(baked, tmp_path):
-    bare = uv_sphere(8, 16)
-    write_mesh(bare, tmp_path / "bare.obj")
-    result = run(
-        "bake",
-        tmp_path / "bare.obj",
-        baked / "ball.obj",
-        "-o",
-        tmp_path / "m",
-        "--maps",
-        "base-color",
-    )
-    assert result.exit_code == 1
-    assert "names no base color" in result.output
