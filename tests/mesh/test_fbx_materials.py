@@ -12,7 +12,6 @@ from tests.fbx_writer import (
     scene,
     written,
 )
-from texbake.limits import raised_limits
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_materials import has_alpha
@@ -316,16 +315,6 @@ def test_the_base_layer_of_a_layered_texture_is_read_and_noted(tmp_path, form):
     assert contents.images == {name: b"image"}
 
 
-def test_a_layered_texture_without_layers_has_no_image(tmp_path):
-    nodes = scene(7400, materials=("red",))
-    nodes[1][2].append(("LayeredTexture", [60, "layers\0\1LayeredTexture", ""], []))
-    nodes[2][2].append(("C", ["OP", 60, 50, "DiffuseColor"], []))
-    nodes[2][2].append(("C", ["OO", 60, 60], []))  # and it is in itself
-    found = materials_of(tmp_path, nodes)
-    assert "base-color" not in found.materials[0].channels
-    assert "red: an image of it is missing" in found.notes()[0]
-
-
 @pytest.mark.parametrize("name", [r"C:\\work\\bark 1.png", "textures/bark 1.png"])
 def test_a_missing_image_is_named(read, name):
     found = read([("RelativeFilename", [name], [])])
@@ -343,27 +332,3 @@ def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     assert "blue" in found.notes()[0]
     (tmp_path / "model" / "b.png").write_bytes(b"inside")
     assert read(texture).sources("base-color")[1].image.data == b"inside"
-
-
-def test_links_lead_out_of_the_folder_and_names_where_that_is_allowed(read, tmp_path):
-    (tmp_path / "b.png").write_bytes(b"outside")
-    (tmp_path / "model" / "link.png").symlink_to(tmp_path / "b.png")
-    linked = read([("RelativeFilename", ["link.png"], [])])
-    assert linked.sources("base-color")[1].image.data == b"outside"
-    with raised_limits(allow_outside=True):
-        named = read([("RelativeFilename", ["../b.png"], [])])
-    assert named.sources("base-color")[1].image.data == b"outside"
-
-
-def test_an_image_that_many_textures_name_is_read_once(tmp_path):
-    kinds = ("DiffuseColor", "EmissiveColor", "NormalMap")
-    path = textured_file(tmp_path, {kind: {} for kind in kinds}, form="ascii", content=b"")
-    text = path.read_text()
-    for i in range(3):
-        text = text.replace('Content: ""', f'RelativeFilename: "{"./" * i}b.png"', 1)
-    path.write_text(text)
-    (tmp_path / "b.png").write_bytes(b"picture")
-    found = read_materials(path, read_mesh(path))
-    images = [source.image for source in found.materials[0].channels.values() if source.image]
-    assert len(images) == 3
-    assert len({id(image.data) for image in images}) == 1

@@ -14,7 +14,7 @@ from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
-from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
+from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 from texbake.metadata import CONVENTION, SPACE, to_description
 from texbake.texture.png_files import write_png
@@ -84,16 +84,6 @@ def test_reading_and_writing_again_gives_the_same_bytes(tmp_path, grouped):
     assert (tmp_path / "1.glb").read_bytes() == (tmp_path / "2.glb").read_bytes()
 
 
-def test_faces_and_topology_survive(path):
-    sphere = uv_sphere(8, 12)
-    write_glb(sphere, path)
-    back = read_gltf(path)
-    assert back.n_vertices == sphere.n_vertices  # split at the seam, welded again
-    moved = np.zeros(sphere.n_vertices, int)
-    moved[sphere.faces.ravel()] = back.faces.ravel()
-    np.testing.assert_array_equal(moved[sphere.faces], back.faces)
-
-
 def test_tangents_are_those_of_mikktspace_and_the_mesh_keeps_its_own(path, grouped):
     plain = grouped.replace(tangents=None, face_groups=None, group_names=(), colors=None)
     write_glb(plain, path)
@@ -101,12 +91,6 @@ def test_tangents_are_those_of_mikktspace_and_the_mesh_keeps_its_own(path, group
     turned = np.broadcast_to(np.float32([0, 0, 1, -1]), (plain.n_faces, 3, 4))
     write_glb(plain.replace(tangents=turned), path)
     np.testing.assert_array_equal(read_gltf(path).tangents, turned)
-
-
-def test_without_coordinates_there_are_no_tangents(path):
-    write_glb(cube().replace(uvs=None, uv_faces=None), path)
-    back = read_gltf(path)
-    assert back.uvs is None and back.tangents is None and back.normals is not None
 
 
 def test_vertices_are_shared_where_all_attributes_agree(path):

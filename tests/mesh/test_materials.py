@@ -1,18 +1,14 @@
 """Materials of mesh files: which faces have which, and where their base colors come from."""
 
-import json
-
 import numpy as np
 import pytest
 
-from tests.glb import CORNERS, GltfFile, read_glb
+from tests.glb import CORNERS, GltfFile
 from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.jobs.material_transfer import compared_without
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import UNPLACED, ChannelSource, Materials, MeshMaterial, read_materials
 from texbake.mesh.shapes import cube, plane
-from texbake.rendering.scene.read import read_scene
 from texbake.verbs.transform import transform_file
 
 SQUARES = """mtllib {library}
@@ -99,17 +95,6 @@ def test_a_library_that_is_missing_is_named(tmp_path):
     assert any("gone.mtl" in line for line in found.notes())
 
 
-@pytest.mark.parametrize("statement", ["map_Kd {}", "mtllib {}"])
-def test_a_name_that_no_file_can_have_is_a_file_that_is_missing(tmp_path, statement):
-    line = statement.format("a b" * 2000)
-    library = f"newmtl wood\nKd 0.5 0.5 0.5\n{line}\n" if "map" in line else "newmtl wood\n"
-    path = obj_with(tmp_path, "a.mtl", library)
-    if "mtllib" in line:
-        path.write_text(f"{line}\n" + path.read_text())
-    assert len(read_materials(path, read_mesh(path)).missing) >= 1
-    assert read_contents(path).materials[-1].name == "wood"
-
-
 def test_of_a_thousand_missing_images_a_few_are_told(tmp_path):
     statements = (f"newmtl m{i}\nKd 1 0 0\nmap_Kd gone{i}.png\n" for i in range(1000))
     path = obj_with(tmp_path, "a.mtl", "newmtl wood\nKd 1 0 0\n" + "".join(statements))
@@ -124,17 +109,6 @@ def test_of_a_thousand_missing_images_a_few_are_told(tmp_path):
     with heard_warnings(warned.append):
         transform_file(path, tmp_path / "b.glb")
     assert warned == [f"{path}: {line}" for line in notes]
-
-
-def test_of_a_thousand_notes_on_a_scene_a_few_are_told(tmp_path):
-    write_mesh(plane(), tmp_path / "a.glb")
-    document, data = read_glb(tmp_path / "a.glb")
-    document["extensionsUsed"] = [f"EXT_{i}" for i in range(1000)]
-    (tmp_path / "a.bin").write_bytes(data)
-    document["buffers"][0]["uri"] = "a.bin"
-    (tmp_path / "a.gltf").write_text(json.dumps(document))
-    notes = read_scene(tmp_path / "a.gltf").notes
-    assert len(notes) == 21 and notes[20] == "and 980 more like these"
 
 
 def test_an_image_that_is_missing_leaves_the_factor_and_a_note(tmp_path):
@@ -239,26 +213,6 @@ def test_an_image_on_coordinates_that_are_not_there_is_noted(tmp_path):
     assert "TEXCOORD_1" in found.notes()[0]
 
 
-def test_images_on_more_sets_of_coordinates_than_a_mesh_has_are_refused(tmp_path):
-    """Each set takes as much memory as the coordinates of the mesh, and a material 50 bytes."""
-    path = gltf_with(
-        tmp_path,
-        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}},
-        images=[{"uri": "data:image/png;base64,YW4gaW1hZ2U="}],
-        **IMAGED,
-    )
-    document = json.loads(path.read_text())
-    text = json.dumps(document["materials"][0])
-    document["materials"] = [
-        json.loads(text.replace('"texCoord": 1', f'"texCoord": {i}')) for i in range(66)
-    ]
-    primitive = document["meshes"][0]["primitives"][0]
-    document["meshes"][0]["primitives"] = [{**primitive, "material": i} for i in range(66)]
-    path.write_text(json.dumps(document))
-    with pytest.raises(MeshError, match="it has 65 sets of texture coordinates besides the first"):
-        read_materials(path, read_mesh(path))
-
-
 def test_materials_are_checked():
     ids = np.array([0, 2], dtype=np.int32)
     with pytest.raises(MeshError, match="out of range"):
@@ -270,16 +224,3 @@ def test_an_image_can_stand_for_all_materials(tmp_path):
     found = Materials.of_image(plane(), tmp_path / "a.png")
     assert found.face_materials.tolist() == [0, 0]
     assert found.sources("base-color")[0].image.data == b"an image"
-
-
-def test_files_of_many_names_are_read_once(tmp_path):
-    statements = "newmtl wood\nmap_Kd a.png\nmap_Pr ./a.png\nmap_Pm .//a.png\n"
-    path = obj_with(tmp_path, "a.mtl", statements)
-    path.write_text("".join(f"mtllib {'./' * i}a.mtl\n" for i in range(50)) + path.read_text())
-    (tmp_path / "a.png").write_bytes(b"picture")
-    found = read_materials(path, read_mesh(path))
-    images = [found.sources(name)[2].image for name in ("base-color", "roughness", "metallic")]
-    assert {(id(image.data), image.name) for image in images} == {
-        (id(images[0].data), str(tmp_path / "a.png"))
-    }
-    assert [material.name for material in read_contents(path).materials] == ["wood"]

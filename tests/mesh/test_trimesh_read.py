@@ -214,14 +214,6 @@ def test_nodes_of_collada_that_place_nodes_are_read(tmp_path: Path) -> None:
     assert texbake.read_mesh(path).n_faces == 10 * uv_sphere(4, 6).n_faces
 
 
-def test_a_node_of_collada_that_places_itself_is_one_error(tmp_path: Path) -> None:
-    path = nested(tmp_path, 1, 1)
-    text = path.read_text("utf-8").replace('url="#level0"', 'url="#level1"')
-    path.write_text(text, "utf-8")
-    with pytest.raises(FileFormatError, match="Node #level1 not found"):
-        texbake.read_mesh(path)
-
-
 def test_what_macos_adds_to_an_archive_is_passed_over(tmp_path: Path) -> None:
     texbake.to_trimesh(uv_sphere(4, 6)).export(tmp_path / "sphere.dae")
     with zipfile.ZipFile(tmp_path / "sphere.zae", "w") as archive:
