@@ -157,25 +157,6 @@ def test_convex_shapes_are_open_all_around_to_the_last_ray(shape, flat, caster):
     assert (met[:, DEPTH] > 1e-2 * mesh.diagonal / np.sqrt(64)).all()
 
 
-def test_a_large_plain_of_small_and_slender_triangles_does_not_hide_itself():
-    rng = np.random.default_rng(4)
-    x = np.sort(np.concatenate([[0, 1], rng.uniform(0, 1, 60) ** 8]))
-    columns, rows = np.meshgrid(x, np.linspace(0, 1, 5))
-    flat = np.stack([columns, rows, np.zeros_like(rows)], axis=-1).reshape(-1, 3)
-    tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    n = len(x)
-    corner = (np.arange(4)[:, np.newaxis] * n + np.arange(n - 1)).ravel()
-    faces = np.concatenate(
-        [
-            np.stack([corner, corner + 1, corner + n + 1], axis=1),
-            np.stack([corner, corner + n + 1, corner + n], axis=1),
-        ]
-    )
-    plain = Mesh(positions=flat @ tilt.T + 3.0, faces=faces)
-    met = look(plain, hits_on(plain, np.repeat(np.arange(len(faces)), 20)))
-    assert (met[:, OPEN] == 1).all()
-
-
 @pytest.mark.parametrize("caster", CASTERS)
 def test_a_ball_is_four_thirds_of_its_radius_thick(caster):
     ball = icosphere(5)

@@ -6,8 +6,7 @@ from embreex_oracle import EmbreexScene, PlainScene
 
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import cube, icosphere, uv_sphere
-from texbake.raycast.morton_tree import WIDTH, MortonTree
+from texbake.mesh.shapes import cube, uv_sphere
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import BUNDLE_SIDE, RayPlaces, RayScene
 
@@ -36,30 +35,6 @@ def test_a_ray_along_the_triangle_stays_on_it():
     assert weights.sum() <= 1
     np.testing.assert_allclose(distance, 1.5, atol=1e-7)
     np.testing.assert_allclose(point[0], [0.0, *weights], atol=1e-7)
-
-
-def test_boxes_of_the_tree_hold_their_triangles():
-    mesh = uv_sphere(37, 41)
-    frame = LocalFrame.around(mesh)
-    tree = MortonTree.build(mesh, frame, threads=2)
-    assert sorted(tree.ids[tree.ids >= 0]) == list(range(mesh.n_faces))
-    corners = frame.to_local(mesh.positions)[mesh.faces]
-    for leaf, ids in enumerate(tree.ids):
-        node, lane = divmod(leaf, WIDTH)
-        inside = corners[ids[ids >= 0]].reshape(-1, 3)
-        box = tree.nodes[node, :, lane]
-        assert (box[:3] <= inside).all()
-        assert (box[3:] >= inside).all()
-        of_leaf = tree.leaves[leaf].reshape(3, 3, WIDTH)
-        np.testing.assert_array_equal(np.moveaxis(of_leaf, 2, 0)[ids >= 0], corners[ids[ids >= 0]])
-    firsts = [*tree.starts, len(tree.nodes)]
-    for below, start, end in zip(firsts, firsts[1:], firsts[2:], strict=False):
-        for child in range(start - below):
-            node, lane = divmod(child, WIDTH)
-            box, boxes = tree.nodes[start + node, :, lane], tree.nodes[below + child]
-            assert start + node < end
-            np.testing.assert_array_equal(box[:3], boxes[:3].min(axis=1))
-            np.testing.assert_array_equal(box[3:], boxes[3:].max(axis=1))
 
 
 def bumpy():
@@ -110,23 +85,6 @@ def test_hits_depend_on_no_bundle(seed):
     for mine, theirs in zip(alone.arrays(), found.arrays(), strict=True):
         np.testing.assert_array_equal(mine[order], theirs)
     assert (alone.faces != NO_HIT).any()
-
-
-def test_rays_from_one_point_and_equal_rays():
-    mesh = icosphere(4)
-    frame = LocalFrame.around(mesh)
-    scene = RayScene.build(mesh, frame)
-    rng = np.random.default_rng(0)
-    directions = rng.normal(size=(500, 3))
-    directions[250:] = directions[0]
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    rays = Rays(np.zeros((500, 3)), directions, np.full(500, np.inf), np.zeros(500))
-    cells = np.zeros((500, 2), dtype=np.int32)
-    for places in (None, RayPlaces(np.zeros(500, dtype=np.int32), cells)):
-        found = scene.cast(rays, cull_back_faces=False, places=places)
-        assert (found.faces != NO_HIT).all()
-        assert (found.faces[250:] == found.faces[0]).all()
-        assert not (scene.cast(rays, places=places).faces != NO_HIT).any()
 
 
 CASTERS = [RayScene.build, EmbreexScene, PlainScene]

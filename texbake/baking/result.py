@@ -177,16 +177,13 @@ def redundant_maps(maps: Mapping[str, BakedMap], size: float) -> Iterator[str]:
         if not np.isfinite(ranges).all():  # no texel has data
             continue
         rounding = size * _ROUNDING if item.kind.coding in ("height", "vector") else _ROUNDING
+        is_constant = float((ranges[:, 1] - ranges[:, 0]).max()) <= _ROUNDING
         plain = item.kind.plain
         if item.kind.coding == "normal" and item.options.space != "tangent":
             plain = None
         if plain is not None and float(np.abs(ranges.T - plain).max()) <= rounding:
             yield f"{name}: it has no effect at any texel; it can be left out"
-        elif item.kind.coding in ("color", "mask") and plain is None and _are_constant(ranges):
+        elif item.kind.coding in ("color", "mask") and plain is None and is_constant:
             first = np.unravel_index(int(item.has_data.argmax()), item.has_data.shape)
             shown = ", ".join(f"{value:.4g}" for value in item.values[first])
             yield f"{name}: every texel is {shown}; a factor of the material says the same"
-
-
-def _are_constant(ranges: npt.NDArray[np.float32]) -> bool:
-    return bool((ranges[:, 1] - ranges[:, 0]).max() <= _ROUNDING)

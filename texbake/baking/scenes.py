@@ -82,8 +82,7 @@ class BakeScenes:
         self.high, self.low, self.occluders = high, low, occluders
         self.frame: LocalFrame = high.frame
         self._n_points = n_points
-        self._extents: dict[tuple[str, ...], RayExtent] = {}
-        self._probes: dict[str, RayProbe] = {}
+        self._measured: dict[str, tuple[RayExtent, RayProbe]] = {}  # by the kind of rays
         self._reaches: dict[str, FloatArray] = {}
 
     @classmethod
@@ -101,7 +100,13 @@ class BakeScenes:
     ) -> BakeScenes:
         """Build the scene of the high-poly mesh, in the frame of `occluders` or of both meshes."""
         frame = LocalFrame.around(high, low) if occluders is None else occluders.frame
-        _check_size(frame, low)
+        # Lengths of the meshes must fit into the float32 numbers of hits and maps.
+        size = 1.0 / frame.scale
+        if not _SIZES[0] <= size <= _SIZES[1]:
+            raise MeshError(
+                f"{low.name}: it and the high-poly mesh are about {size:.1e} model units across, "
+                "which the float32 numbers of maps cannot hold; scale both meshes first"
+            )
         with stages.stage("build ray tree", total=high.n_faces, unit="triangles"):
             scene = RayScene.build(
                 high, frame, chunk_faces=chunk_faces, compact=compact, threads=threads
@@ -111,24 +116,21 @@ class BakeScenes:
 
     def extent(self, kinds: Sequence[str]) -> RayExtent:
         """Greatest extent of rays of some kinds; measured once for all that use these scenes."""
-        key = tuple(kinds)
-        if key not in self._extents:
-            measured = []
-            for kind in kinds:
-                extent, self._probes[kind] = _measured(self.high, self.low, kind, self._n_points)
-                measured.append(extent)
-            self._extents[key] = RayExtent(
-                max(extent.front for extent in measured), max(extent.back for extent in measured)
-            )
-        return self._extents[key]
+        for kind in kinds:
+            if kind not in self._measured:
+                self._measured[kind] = _measured(self.high, self.low, kind, self._n_points)
+        extents = [self._measured[kind][0] for kind in kinds]
+        return RayExtent(
+            max(extent.front for extent in extents), max(extent.back for extent in extents)
+        )
 
     def reach(self, kind: str) -> FloatArray:
         """(F, 3, 2) float64: local distances of rays of a kind at each corner; measured once."""
         if kind not in self._reaches:
             extent = self.extent((kind,))
-            probe = self._probes.get(kind)  # none if the extents are those of a flipped mesh
+            _, probe = self._measured[kind]
             n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
-            if probe is None or n_points > len(probe.faces):
+            if n_points > len(probe.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
                 n_points = max(n_points, self._n_points)
                 probe = probe_both_ways(self.high, self.low, kind, n_points, limit)
@@ -153,26 +155,11 @@ class BakeScenes:
         return TriangleTree.build(self.frame.to_local(mesh.positions), mesh.faces, threads=threads)
 
     def with_high(self, turned: Mesh, stages: Stages) -> BakeScenes:
-        """Return scenes with the same high-poly mesh flipped.
-
-        Distances do not depend on which way faces look, and are not measured again.
-        """
+        """Return scenes with the same high-poly mesh flipped."""
         with stages.stage("build ray tree", total=turned.n_faces, unit="triangles"):
             high = self.high
             scene = RayScene.build(turned, self.frame, compact=high.compact, threads=high.threads)
-        others = BakeScenes(scene, self.low, self.occluders, self._n_points)
-        others._extents = self._extents
-        return others
-
-
-def _check_size(frame: LocalFrame, low: Mesh) -> None:
-    """Raise if lengths of the meshes do not fit into the float32 numbers of hits and maps."""
-    size = 1.0 / frame.scale
-    if not _SIZES[0] <= size <= _SIZES[1]:
-        raise MeshError(
-            f"{low.name}: it and the high-poly mesh are about {size:.1e} model units across, which "
-            "the float32 numbers of maps cannot hold; scale both meshes first"
-        )
+        return BakeScenes(scene, self.low, self.occluders, self._n_points)
 
 
 def measure_extent(scene: RayScene, low: Mesh, kind: str) -> RayExtent:

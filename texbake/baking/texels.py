@@ -110,25 +110,21 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
     # Coordinates on the border that a float32 file has rounded are no reason to warn.
     outside = np.asarray((np.abs(uvs - 0.5) > 0.5 + 1e-6).any(axis=(1, 2)))
     if not (first <= last).any():
-        raise UvError(_uncovered_message(mesh, zero_area, outside))
+        why = "they are smaller than any texel"
+        if zero_area.all():
+            why = "all of them have no area"
+        elif outside.any():
+            why = "none of them lies in the unit square"
+        raise UvError(
+            f"{mesh.name}: its texture coordinates cover nothing: {why}; "
+            f"make new ones with: texbake unwrap {mesh.name} -o OUT"
+        )
     return SnappedFaces(
         corners=corners,
         first_rows=first.astype(np.int32),
         last_rows=last.astype(np.int32),
         n_outside_tile=int(outside.sum()),
         n_zero_area=int(zero_area.sum()),
-    )
-
-
-def _uncovered_message(
-    mesh: Mesh, zero_area: npt.NDArray[np.bool_], outside: npt.NDArray[np.bool_]
-) -> str:
-    why = "all of them have no area" if zero_area.all() else "none of them lies in the unit square"
-    if not zero_area.all() and not outside.any():
-        why = "they are smaller than any texel"
-    return (
-        f"{mesh.name}: its texture coordinates cover nothing: {why}; "
-        f"make new ones with: texbake unwrap {mesh.name} -o OUT"
     )
 
 

@@ -80,22 +80,6 @@ def two_walls() -> Mesh:
     return join_meshes([wall, screen])
 
 
-def test_a_photograph_of_one_color_gives_that_color_to_all_seen_texels() -> None:
-    sphere = uv_sphere(16, 24)
-    camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
-    result = bake_photos(sphere, [Photo(image=solid(RED), camera=camera)], EVEN)
-    np.testing.assert_array_equal(
-        result.values[result.has_color], np.tile(RED, (result.has_color.sum(), 1))
-    )
-    np.testing.assert_array_equal(result.values[~result.has_color], 0.0)
-    assert result.report.texels_unseen == result.unseen.sum() > 0
-    # Seen from distance 4, a point of the unit sphere is 80 degrees off where z = 0.4145 or so:
-    # cos(80) of the angle at the point between its normal z and (4 - z) / |...|.
-    z = texel_positions(sphere, result)[:, :, 2]
-    assert z[result.has_color].min() > 0.3
-    assert result.has_color[z > 0.5].all()
-
-
 def test_the_picture_is_neither_mirrored_nor_rotated() -> None:
     """A plane that fills the picture takes its pixels as texels."""
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)

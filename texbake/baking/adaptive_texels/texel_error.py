@@ -42,7 +42,6 @@ from texbake.baking.adaptive_texels.texel_sampler import (
     FloatArray32,
     Level,
     TexelSampler,
-    gather,
     in_tiles,
 )
 from texbake.baking.inputs import BakeInputs
@@ -280,9 +279,12 @@ class Refinement:
     def add_means(self, sampler: TexelSampler) -> BoolArray:
         """Write the means of texels with more than 4 samples; return which texels have any."""
         areas = np.zeros(len(self.means), dtype=np.float32)
-        sums = np.zeros_like(self.means)
-        for level in sampler.cells.levels[1:]:
-            gather(sampler.cells, level, sums, areas)
+        sums, cells = np.zeros_like(self.means), sampler.cells
+        for level in cells.levels[1:]:
+            core.add_leaves(
+                level.first, level.texels, level.weights, cells.children, cells.charts,
+                cells.values, sums, areas,
+            )  # fmt: skip
         texels = np.flatnonzero(areas)
         self.means[texels] = sums[texels] / areas[texels, np.newaxis]
         return np.asarray(areas > 0.0)
@@ -305,8 +307,7 @@ def refine(sampler: TexelSampler, bounded: list[BoundedMap], max_error: str) -> 
         all_errors = ONE_SAMPLE * steps
         finest = np.zeros(len(steps), dtype=np.uint8)
         is_divided = all_errors > 1.0
-        n_divided = int(np.count_nonzero(is_divided))
-        texels = in_tiles(is_divided.reshape(sampler.shape), n_divided)
+        texels = in_tiles(is_divided.reshape(sampler.shape))
         # Where four samples would be too few, a texel gets 16 at once.
         is_jump = FOUR_SAMPLES * steps[texels] > 1.0
     level = sampler.divide(texels, np.repeat(~is_jump, 4))

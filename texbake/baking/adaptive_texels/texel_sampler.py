@@ -196,19 +196,11 @@ class Cells:
         return values
 
 
-def in_tiles(chosen: BoolArray, n_chosen: int) -> IntArray:
+def in_tiles(chosen: BoolArray) -> IntArray:
     """Return the ids of the chosen texels, given as (height, width) bool, tile by tile."""
-    ids = np.empty(n_chosen, dtype=np.int32)
+    ids = np.empty(int(np.count_nonzero(chosen)), dtype=np.int32)
     core.list_in_tiles(chosen, ids)
     return ids
-
-
-def gather(cells: Cells, level: Level, sums: FloatArray32, areas: FloatArray32) -> None:
-    """Add the undivided cells of a level to sums (n_texels, C) and covered areas (n_texels,)."""
-    core.add_leaves(
-        level.first, level.texels, level.weights, cells.children, cells.charts, cells.values,
-        sums, areas,
-    )  # fmt: skip
 
 
 # So few that what one step writes is still in the cache when the next one reads it.
@@ -280,7 +272,7 @@ class TexelSampler:
         masks = self.coverage.masks[first : first + owners.size].reshape(owners.shape)
         is_part &= masks != 0
         owners[is_part] = NO_FACE
-        return in_tiles(is_part, int(np.count_nonzero(is_part))) + np.int32(first)
+        return in_tiles(is_part) + np.int32(first)
 
     def divide(self, places: IntArray, is_cast: BoolArray | None = None) -> Level:
         """Divide some cells of the last level and cast their children, or some of these."""

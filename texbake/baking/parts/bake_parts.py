@@ -8,7 +8,7 @@ all tiles of one mesh are baked with one ray scene.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +39,6 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
-from texbake.raycast.orientation import OrientationReport
 from texbake.raycast.scene import RayScene
 from texbake.sampling.rounds import BudgetClock
 
@@ -57,15 +56,12 @@ class PartsBake:
     low_parts: list[LowPart]
     stages: Stages
     ray_maps: RayMapsOf
-    is_tiled: bool
+    report: PartsReport
     part: int | None = None
     # inputs, scenes: of the current part, whose index is `part`.
     inputs: BakeInputs | None = None
     scenes: BakeScenes | None = None
     occluders: RayScene | None = None
-    figures: list[PartFigures] = field(default_factory=list)
-    without: list[str] = field(default_factory=list)
-    orientations: dict[str, OrientationReport] = field(default_factory=dict)
 
     def build_occluders(self, parts: list[NamedPart], low: Sequence[Mesh]) -> None:
         """Build the scene of all parts that secondary rays can hit, if any are cast."""
@@ -77,48 +73,31 @@ class PartsBake:
             threads = self.options.threads
             self.occluders = RayScene.build(mesh, frame, compact=True, threads=threads)
 
-    def run(
-        self,
-        layout: TargetLayout,
-        matching: Matching | None,
-        parts: PartsOptions,
-        folder: Path | None,
-    ) -> PartsResult:
+    def run(self, layout: TargetLayout, folder: Path | None) -> PartsResult:
         """Bake all sets of maps."""
         done: dict[BakeTarget, BakeResult] = {}
-        n_overlapping = 0
         for i, (target, faces) in enumerate(layout.faces.items()):
             place = None if folder is None else folder / str(i)
             if place is not None:
                 place.mkdir()
-            maps, result = self._target(target, faces, place)
+            result = self._target(target, faces, place)
             if result is not None:
                 done[target] = result
-            n_overlapping += maps.n_overlapping
+                self.report.targets[target] = result.report
         if not done:
             raise UvError(
                 f"{self.low_parts[0].mesh.name}: its texture coordinates cover no texel of any "
                 "map; use a larger `size` or new coordinates"
             )
-        report = PartsReport(
-            options=parts,
-            matching=matching,
-            parts=self.figures,
-            targets={target: result.report for target, result in done.items()},
-            n_crossing=layout.n_crossing,
-            n_outside=layout.n_outside,
-            n_overlapping=n_overlapping,
-            without_texel=tuple(self.without),
-            orientations=self.orientations,
-            stages=self.stages.records,
-        )
-        return PartsResult(done, report)
+        self.report.stages = self.stages.records
+        return PartsResult(done, self.report)
 
     def _target(
         self, target: BakeTarget, faces: dict[int, BoolArray], folder: Path | None
-    ) -> tuple[TargetMaps, BakeResult | None]:
+    ) -> BakeResult | None:
         """Bake one set of maps; None if no part covers a texel of it."""
-        maps = TargetMaps(self.kinds, self.options, is_tile=self.is_tiled)
+        is_tile, report = self.report.options.udim, self.report
+        maps = TargetMaps(self.kinds, self.options, is_tile=is_tile)
         distances = DistanceSummary()
         images = self.ray_maps(target)
         for i, chosen in faces.items():
@@ -129,23 +108,22 @@ class PartsBake:
                     self.kinds, inputs, self.stages, part.cage, images, self.scenes, distances
                 ).run()
             except UvError:
-                where = target_name(target) if self.is_tiled else target.texture_set or "the maps"
-                self.without.append(f"{part.name} covers no texel of {where}")
+                where = target_name(target) if is_tile else target.texture_set or "the maps"
+                report.without_texel.append(f"{part.name} covers no texel of {where}")
                 continue
             self.inputs = inputs
             maps.add(result, inputs, part.face_ids, int(chosen.sum()), part.is_stacked)
-            report = result.report
-            self.figures.append(
+            of_part = result.report
+            report.parts.append(
                 PartFigures(
                     target, part.name, tuple(source.name for source in part.sources),
-                    int(chosen.sum()), report.texels_covered, report.texels_missed,
-                    report.front, report.back,
+                    int(chosen.sum()), of_part.texels_covered, of_part.texels_missed,
+                    of_part.front, of_part.back,
                 )
             )  # fmt: skip
-        if self.inputs is None or maps.is_empty:
-            return maps, None
-        finished = self.inputs.with_options(self.options)
-        return maps, maps.finish(finished, self.stages, folder)
+        report.n_overlapping += maps.n_overlapping
+        assert self.inputs is not None
+        return maps.finish(self.inputs.with_options(self.options), self.stages, folder)
 
     def _take(self, i: int) -> BakeInputs:
         """Make a part the current one: join its high-poly mesh and build the ray scene of it."""
@@ -167,7 +145,7 @@ class PartsBake:
         )
         self.scenes = scenes
         inputs, self.scenes, orientation = face_outwards(inputs, scenes, self.stages)
-        self.orientations[part.name] = orientation
+        self.report.orientations[part.name] = orientation
         self.part, self.inputs = i, inputs
         return inputs
 
@@ -276,11 +254,11 @@ def bake_parts(
         low_parts,
         Stages(progress),
         ray_maps or (lambda _: None),
-        parts.udim,
+        PartsReport(parts, matching, n_crossing=layout.n_crossing, n_outside=layout.n_outside),
     )
     if matching is not None and parts.occluders == "all":
         running.build_occluders(occluders, low)
-    return running.run(layout, matching, parts, folder if len(layout.faces) > 1 else None)
+    return running.run(layout, folder if len(layout.faces) > 1 else None)
 
 
 def bake_objects(

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from texbake.baking.parts.matching import (
     Matching,
     PartsOptions,
-    has_suffix,
+    base_of,
     match_names,
     pair_names,
 )
@@ -57,7 +57,7 @@ def named_parts(meshes: Sequence[Mesh], suffix: str) -> list[NamedPart]:
     for i, mesh in enumerate(meshes):
         is_gltf = mesh.name.lower().endswith((".glb", ".gltf"))
         names = [_of_object(name) if is_gltf else name for name in mesh.group_names]
-        if mesh.face_groups is None or not any(has_suffix(name, suffix) for name in names):
+        if mesh.face_groups is None or not any(base_of(name, suffix) for name in names):
             found.append(NamedPart(Path(mesh.name).stem, i))
             continue
         used = np.bincount(mesh.face_groups, minlength=len(names)).tolist()

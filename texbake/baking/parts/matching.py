@@ -259,11 +259,6 @@ def base_of(name: str, suffix: str, *, exact: bool = False) -> str | None:
     return None if found is None else found.group(1)
 
 
-def has_suffix(name: str, suffix: str) -> bool:
-    """Whether a name has the suffix, whatever follows it."""
-    return base_of(name, suffix) is not None
-
-
 def format_names(names: Sequence[str]) -> str:
     """The first few of the names."""
     more = f" and {len(names) - _NAMES_SHOWN} more" if len(names) > _NAMES_SHOWN else ""

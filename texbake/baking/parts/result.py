@@ -5,7 +5,7 @@ The bakes of several parts are combined on one set of maps, then padded together
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -97,20 +97,20 @@ class PartFigures:
     back: float
 
 
-@dataclass(frozen=True)
+@dataclass
 class PartsReport:
-    """Figures of a bake of many parts."""
+    """Figures of a bake of many parts, counted while it runs."""
 
     options: PartsOptions
     matching: Matching | None  # if parts were matched by name
-    parts: list[PartFigures]
-    targets: dict[BakeTarget, BakeReport]
+    parts: list[PartFigures] = field(default_factory=list)
+    targets: dict[BakeTarget, BakeReport] = field(default_factory=dict)
     n_crossing: int = 0  # faces that cross the border of a UDIM tile, and faces that lie in none
     n_outside: int = 0
     # texels that more than one part covers, except by islands that are stacked
     n_overlapping: int = 0
     # parts that cover no texel of a set of maps that they have faces on
-    without_texel: tuple[str, ...] = ()
+    without_texel: list[str] = field(default_factory=list)
     # what was flipped of the high-poly mesh of each low-poly part
     orientations: dict[str, OrientationReport] = field(default_factory=dict)
     stages: list[StageRecord] = field(default_factory=list)
@@ -190,7 +190,7 @@ class PartsReport:
             "faces_crossing_tiles": self.n_crossing,
             "faces_in_no_tile": self.n_outside,
             "texels_of_several_parts": self.n_overlapping,
-            "without_texel": list(self.without_texel),
+            "without_texel": self.without_texel,
             "orientations": {name: asdict(part) for name, part in self.orientations.items()},
             "stages": [asdict(stage) for stage in self.stages],
             "warnings": self.warnings,
@@ -222,11 +222,6 @@ class TargetMaps:
         self._reports: list[BakeReport] = []
         # Texels that more than one part covers, except by islands that are stacked.
         self.n_overlapping = 0
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether no part was added."""
-        return not self._reports
 
     def add(
         self,
@@ -280,8 +275,13 @@ class TargetMaps:
             )
         )
 
-    def finish(self, inputs: BakeInputs, stages: Stages, folder: Path | None) -> BakeResult:
-        """Pad and fill; with a folder, the values are kept in files there instead of in memory."""
+    def finish(self, inputs: BakeInputs, stages: Stages, folder: Path | None) -> BakeResult | None:
+        """Pad and fill; None if no part was added.
+
+        With a folder, the values are kept in files there instead of in memory.
+        """
+        if not self._reports:
+            return None
         maps, meets = finished_maps(
             self._kinds, self._values.pop, self._charts, self._has_data, inputs, stages
         )
@@ -311,12 +311,15 @@ def joined_reports(reports: list[BakeReport]) -> BakeReport:
 
     All bakes share one `DistanceSummary`, so that the percentiles of the last are those of all.
     """
-    last = reports[-1]
+    last, counts = reports[-1], TraceCounts()
+    for report in reports:
+        for name, count in vars(report.counts).items():
+            setattr(counts, name, getattr(counts, name) + count)
     fronts = [report.front for report in reports if report.front is not None]
     return replace(
         last,
-        high=_names(report.high for report in reports),
-        low=_names(report.low for report in reports),
+        high=", ".join(dict.fromkeys(report.high for report in reports)),
+        low=", ".join(dict.fromkeys(report.low for report in reports)),
         # Several parts may be baked from the same one.
         n_high_faces=sum({report.high: report.n_high_faces for report in reports}.values()),
         n_low_faces=sum(report.n_low_faces for report in reports),
@@ -326,21 +329,9 @@ def joined_reports(reports: list[BakeReport]) -> BakeReport:
         texels_missed=sum(report.texels_missed for report in reports),
         texels_overlapping=sum(report.texels_overlapping for report in reports),
         faces_without_texel=sum(report.faces_without_texel for report in reports),
-        counts=_sum(report.counts for report in reports),
+        counts=counts,
         sampling=last.sampling if len(reports) == 1 else None,
     )
-
-
-def _names(names: Iterable[str]) -> str:
-    return ", ".join(dict.fromkeys(names))
-
-
-def _sum(counts: Iterable[TraceCounts]) -> TraceCounts:
-    total = TraceCounts()
-    for item in counts:
-        for name in vars(total):
-            setattr(total, name, getattr(total, name) + getattr(item, name))
-    return total
 
 
 def _in_file(baked: BakedMap, path: Path) -> BakedMap:

@@ -126,14 +126,13 @@ def _camera_of(path: PathLike, keys: Mapping[str, Any]) -> PhotoCamera:
     for key in "position", "target":
         if key not in keys:
             raise FileFormatError(f"{path}: {key}: it is missing; give {key} = [x, y, z]")
+    values: dict[str, Any] = {
+        key: tuple(value) if isinstance(value, list) else value for key, value in keys.items()
+    }
     try:
-        return PhotoCamera(**{key: _value(value) for key, value in keys.items()})
+        return PhotoCamera(**values)
     except OptionError as error:
         raise FileFormatError(f"{path}: {error}") from error
-
-
-def _value(value: Any) -> Any:
-    return tuple(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
 def _is_number(value: object) -> bool:
