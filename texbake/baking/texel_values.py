@@ -13,6 +13,7 @@ Kernel: `core/texel_sums.c`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -189,11 +190,8 @@ class ChartPadding:
         threads = self._options.threads
         texels = values.reshape(-1, values.shape[2])
         nothing = np.array(neutral, np.float32)
-
-        def copy(start: int, stop: int) -> None:
-            core.copy_texels(texels, self._targets, self._sources, nothing, start, stop)
-
-        run_bands(copy, len(self._targets), band=_BAND, threads=threads)
+        kernel = partial(core.copy_texels, texels, self._targets, self._sources, nothing)
+        run_bands(kernel, len(self._targets), band=_BAND, threads=threads)
         if self._options.fill == "push-pull" and combine != "first":
             values = push_pull(values, self._valid, threads=threads)
             if combine == "unit mean":

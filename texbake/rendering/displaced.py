@@ -51,6 +51,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -169,16 +170,13 @@ def cut(
         weights=np.empty((n_inner, 2), np.float32),
     )
     core.halve_edges(pieces.ends, marked, halves, middles, finer.ends)
-
-    def work(start: int, stop: int) -> None:
-        core.cut_triangles(
-            pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights,
-            pieces.ends, marked, halves, middles, points, added, n_halves, pieces.n_vertices,
-            finer.faces, finer.face_edges, finer.base_faces, finer.base_weights, finer.ends,
-            places.vertices, places.base_faces, places.weights, start, stop,
-        )  # fmt: skip
-
-    run_bands(work, len(pieces.faces), band=_CUT_BAND, threads=threads)
+    kernel = partial(
+        core.cut_triangles, pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights,
+        pieces.ends, marked, halves, middles, points, added, n_halves, pieces.n_vertices,
+        finer.faces, finer.face_edges, finer.base_faces, finer.base_weights, finer.ends,
+        places.vertices, places.base_faces, places.weights,
+    )  # fmt: skip
+    run_bands(kernel, len(pieces.faces), band=_CUT_BAND, threads=threads)
     return finer, pieces.ends[marked], places
 
 
@@ -312,23 +310,16 @@ class EdgeView:
         """
         n = len(now.points)
         outside, nearest, slants = np.empty(n, np.uint8), np.empty(n), np.empty(n)
-
-        def look(start: int, stop: int) -> None:
-            core.view_vertices(
-                now.points, now.positions, self._camera.eye, self._camera.axes[2],
-                self._camera.near, self._steepest, self._sides, self._margins,
-                outside, nearest, slants, start, stop,
-            )  # fmt: skip
-
-        run_bands(look, n, band=_BAND, threads=threads)
+        kernel = partial(
+            core.view_vertices, now.points, now.positions, self._camera.eye, self._camera.axes[2],
+            self._camera.near, self._steepest, self._sides, self._margins, outside, nearest, slants,
+        )  # fmt: skip
+        run_bands(kernel, n, band=_BAND, threads=threads)
         spans = texel_lengths(now.pieces, texels, outside)
         out = np.empty(len(spans))
-
-        def measure(start: int, stop: int) -> None:
-            core.measure_excess(
-                now.pieces.ends, now.points, now.positions, nearest, slants, spans,
-                self._focal / self._edge_px, out, start, stop,
-            )  # fmt: skip
-
-        run_bands(measure, len(out), band=_BAND, threads=threads)
+        kernel = partial(
+            core.measure_excess, now.pieces.ends, now.points, now.positions, nearest, slants, spans,
+            self._focal / self._edge_px, out,
+        )  # fmt: skip
+        run_bands(kernel, len(out), band=_BAND, threads=threads)
         return out

@@ -5,6 +5,8 @@ Kernel: `core/compositing.c`.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -98,11 +100,8 @@ def seen_objects(
 ) -> frozenset[int]:
     """Return the objects that are visible in some sample."""
     seen = np.zeros(world.n_objects, np.bool_)
-
-    def work(start: int, stop: int) -> None:
-        core.mark_seen_objects(visibility.face_ids, world.starts, seen, start, stop)
-
-    run_bands(work, len(visibility.face_ids), band=_ROWS, threads=threads)
+    kernel = partial(core.mark_seen_objects, visibility.face_ids, world.starts, seen)
+    run_bands(kernel, len(visibility.face_ids), band=_ROWS, threads=threads)
     return frozenset(np.flatnonzero(seen).tolist())
 
 

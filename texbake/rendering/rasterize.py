@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -113,11 +114,8 @@ def project(
     """
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.project_vertices(positions, clip_from_world, width, height, grid, depths, start, stop)
-
-    run_bands(work, len(positions), band=_BAND, threads=threads)
+    kernel = partial(core.project_vertices, positions, clip_from_world, width, height, grid, depths)
+    run_bands(kernel, len(positions), band=_BAND, threads=threads)
     return grid, depths
 
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -186,14 +186,11 @@ class Sums:
             layer = np.ascontiguousarray(behind.reshape(1, 1, 3) if behind.ndim == 1 else behind)
 
         normals = self.normals if len(self.normals) else None
-
-        def work(start: int, stop: int) -> None:
-            core.finish_pixels(
-                self.color, self.coverage, normals, float(self.n_samples), layer,
-                behind is not None, start, stop,
-            )  # fmt: skip
-
-        run_bands(work, len(self.color), band=_BAND, threads=threads)
+        kernel = partial(
+            core.finish_pixels, self.color, self.coverage, normals, float(self.n_samples), layer,
+            behind is not None,
+        )  # fmt: skip
+        run_bands(kernel, len(self.color), band=_BAND, threads=threads)
         return self.color, self.coverage, normals
 
 
@@ -240,11 +237,8 @@ def find_exposure(frames: Sequence[Frame], *, threads: int | None = None) -> flo
 def _counts(frame: Frame, threads: int | None) -> IntArray:
     """(2,) int64: pixels that surfaces cover entirely, and how many of them are above white."""
     counts = np.empty((frame.height, 2), np.int64)
-
-    def work(start: int, stop: int) -> None:
-        core.count_bright(frame.color, frame.coverage, counts, start, stop)
-
-    run_bands(work, frame.height, band=_BAND, threads=threads)
+    kernel = partial(core.count_bright, frame.color, frame.coverage, counts)
+    run_bands(kernel, frame.height, band=_BAND, threads=threads)
     return np.asarray(counts.sum(axis=0))
 
 
@@ -256,9 +250,6 @@ def _exposed(frame: Frame, exposure: float, options: RenderOptions, threads: int
         covered = np.ones_like(covered)
     elif options.background is not None:
         behind = decode_srgb(options.background).astype(np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.expose_pixels(color, covered, behind, exposure, start, stop)
-
-    run_bands(work, frame.height, band=_BAND, threads=threads)
+    kernel = partial(core.expose_pixels, color, covered, behind, exposure)
+    run_bands(kernel, frame.height, band=_BAND, threads=threads)
     return replace(frame, color=color, exposure=exposure)

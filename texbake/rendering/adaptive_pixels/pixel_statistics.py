@@ -22,6 +22,7 @@ Kernel: `core/sample_statistics.c`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -135,11 +136,8 @@ _ROWS = 32  # pixel rows per band
 
 def code_means(sums: PixelSums, codes: Float32Array, *, threads: int | None) -> None:
     """Write the means (H, W, 4) as encoded in a file: light in sRGB, opacity linear."""
-
-    def work(start: int, stop: int) -> None:
-        core.write_codes(sums.light, sums.counts, codes, start, stop)
-
-    run_bands(work, len(codes), band=_ROWS, threads=threads)
+    kernel = partial(core.write_codes, sums.light, sums.counts, codes)
+    run_bands(kernel, len(codes), band=_ROWS, threads=threads)
 
 
 def shading_errors(
@@ -147,22 +145,16 @@ def shading_errors(
 ) -> Float32Array:
     """(H, W): estimated errors of the means `codes` (H, W, 4) due to too few shadings."""
     errors = np.empty(shaded.shape, np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.judge_shading(codes, shaded, changes, errors, start, stop)
-
-    run_bands(work, len(errors), band=_ROWS, threads=threads)
+    kernel = partial(core.judge_shading, codes, shaded, changes, errors)
+    run_bands(kernel, len(errors), band=_ROWS, threads=threads)
     return errors
 
 
 def edge_errors(sums: PixelSums, *, threads: int | None) -> Float32Array:
     """Estimate the error of the encoded means due to too few edge samples, (H, W) float32."""
     errors = np.empty(sums.counts.shape, np.float32)
-
-    def work(start: int, stop: int) -> None:
-        core.judge_edges(sums.light, sums.squares, sums.counts, errors, start, stop)
-
-    run_bands(work, len(errors), band=_ROWS, threads=threads)
+    kernel = partial(core.judge_edges, sums.light, sums.squares, sums.counts, errors)
+    run_bands(kernel, len(errors), band=_ROWS, threads=threads)
     return errors
 
 
