@@ -121,7 +121,7 @@ def _shown(terminal: Terminal) -> Iterator[BuildListener]:
     if terminal.kind == "json" and not terminal.quiet:
         yield _print_json
     elif terminal.kind == "auto" and not terminal.quiet and sys.stderr.isatty():
-        from .build_table import BuildTable
+        from .live import BuildTable
 
         with BuildTable() as table:
             yield table.add

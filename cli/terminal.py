@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import functools
-import json
 import shutil
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +17,7 @@ from texbake import FileError
 from texbake.progress import peak_memory_bytes
 
 from .messages import in_line, printable, with_flags
+from .progress import JsonLines, Lines, ShownProgress
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,24 +46,20 @@ class Terminal:
     def progress(self) -> Iterator[ProgressSink | None]:
         """Show the progress of the work in the block; yield None if no progress is shown."""
         with self._shown_progress() as sink:
-            yield TimedProgress(sink, self.stages) if self.verbose else sink
+            yield sink
+        if sink is not None:
+            self.stages.update(sink.seconds)
 
-    @contextmanager
-    def _shown_progress(self) -> Iterator[ProgressSink | None]:
+    def _shown_progress(self) -> AbstractContextManager[ShownProgress | None]:
         if self.quiet or self.kind == "none":
-            yield None
-        elif self.kind == "json":
-            yield JsonLines(sys.stderr)
-        elif sys.stderr.isatty():
-            from .bars import Bars
+            return nullcontext(ShownProgress() if self.verbose else None)
+        if self.kind == "json":
+            return nullcontext(JsonLines(sys.stderr))
+        if sys.stderr.isatty():
+            from .live import Bars
 
-            with Bars() as bars:
-                yield bars
-        else:
-            from .progress_lines import Lines
-
-            with Lines(_progress_line) as lines:
-                yield lines
+            return Bars()
+        return Lines(_progress_line)
 
     def summary(self, rows: Sequence[tuple[str, str]]) -> None:
         """Print a table, unless `--quiet` is given."""
@@ -182,75 +178,3 @@ def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
         terminal.times(time.perf_counter() - begun)
 
     return with_terminal
-
-
-class TimedProgress:
-    """A `ProgressSink` that adds up the seconds of each stage, and passes everything on."""
-
-    def __init__(self, sink: ProgressSink | None, seconds: dict[str, float]) -> None:
-        self._sink, self._seconds = sink, seconds
-
-    def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Pass on the start of a stage."""
-        if self._sink is not None:
-            self._sink.started(stage, total, unit)
-
-    def advanced(self, stage: str, done: int) -> None:
-        """Pass on how much is done."""
-        if self._sink is not None:
-            self._sink.advanced(stage, done)
-
-    def finished(self, stage: str, seconds: float) -> None:
-        """Add up the seconds."""
-        self._seconds[stage] = self._seconds.get(stage, 0.0) + seconds
-        if self._sink is not None:
-            self._sink.finished(stage, seconds)
-
-
-class JsonLines:
-    """Progress as JSON, one object per line, for other programs.
-
-    Every object has `event` (`started`, `advanced` or `finished`), `stage`, `done`, `total` (null
-    if the amount of work is unknown), `unit` and `seconds` since the stage began. `advanced` is
-    printed at most ten times per second; `finished` has the last count.
-    """
-
-    INTERVAL = 0.1  # seconds
-
-    def __init__(self, stream: IO[str]) -> None:
-        self._stream = stream
-        self._stages: dict[str, tuple[int | None, str, float]] = {}
-        self._done: dict[str, int] = {}
-        self._reported = 0.0
-
-    def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Report that a stage has begun."""
-        self._stages[stage] = total, unit, time.perf_counter()
-        self._done[stage] = 0
-        self._report("started", stage, 0.0)
-
-    def advanced(self, stage: str, done: int) -> None:
-        """Report the progress of a stage, at most once per `INTERVAL`."""
-        self._done[stage] = done
-        now = time.perf_counter()
-        if now - self._reported >= self.INTERVAL:
-            self._reported = now
-            self._report("advanced", stage, now - self._stages[stage][2])
-
-    def finished(self, stage: str, seconds: float) -> None:
-        """Report that a stage has ended."""
-        self._report("finished", stage, seconds)
-        del self._stages[stage], self._done[stage]
-
-    def _report(self, event: str, stage: str, seconds: float) -> None:
-        total, unit, _ = self._stages[stage]
-        line = {
-            "event": event,
-            "stage": stage,
-            "done": self._done[stage],
-            "total": total,
-            "unit": unit,
-            "seconds": round(seconds, 3),
-        }
-        self._stream.write(json.dumps(line) + "\n")
-        self._stream.flush()

@@ -124,7 +124,7 @@ def test_watch_builds_saved_changes_until_it_is_stopped(pipeline: Path, script: 
 
 def test_the_live_table_shows_running_steps_and_their_times() -> None:
     from rich.console import Console
-    from texbake_cli.build_table import BuildTable
+    from texbake_cli.live import BuildTable
 
     from texbake.building.progress import BuildEvent
 

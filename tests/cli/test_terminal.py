@@ -5,9 +5,9 @@ import json
 import threading
 
 import pytest
-from texbake_cli.bars import Bars, rate_text
-from texbake_cli.progress_lines import Lines
-from texbake_cli.terminal import JsonLines, Terminal, table
+from texbake_cli.live import Bars, rate_text
+from texbake_cli.progress import JsonLines, Lines
+from texbake_cli.terminal import Terminal, table
 
 
 @pytest.mark.parametrize(
