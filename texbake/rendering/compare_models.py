@@ -108,7 +108,9 @@ def compare_models(
             codes = [_codes(frame) for frame in frames]
             for found, picture in zip(pictures, codes, strict=True):
                 found.append(picture)
-            errors.append(_squared_error(frames, codes))
+            covered = (frames[0].coverage > 0) | (frames[1].coverage > 0)
+            apart = codes[0][covered].astype(np.int64) - codes[1][covered]
+            errors.append((float((apart**2).sum()), apart.size))
             advance(1)
     return ModelComparison(
         psnr_db=tuple(_psnr(total, count) for total, count in errors),
@@ -158,13 +160,6 @@ def model_scene(path: PathLike) -> Scene:
 
 def _codes(frame: Frame) -> Picture:
     return np.asarray(quantize_srgb(frame.color[..., :3], 8), np.uint8)
-
-
-def _squared_error(frames: list[Frame], codes: list[Picture]) -> tuple[float, int]:
-    """Sum of the squared differences of the codes of two pictures, and how many there are."""
-    seen = (frames[0].coverage > 0) | (frames[1].coverage > 0)
-    apart = codes[0][seen].astype(np.int64) - codes[1][seen]
-    return float((apart**2).sum()), apart.size
 
 
 def _psnr(total: float, count: int) -> float:

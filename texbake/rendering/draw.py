@@ -197,9 +197,13 @@ def _run(
     """Run `load` and `prepare` of passes, for objects only if they are in `seen`."""
     for item in passes:
         effect = item.effect
-        wanted = None if seen is None else _targets_in(item, seen)
+        shown = item.targets if seen is None else _targets_in(item, seen)
         for target in item.targets:
-            why = _why_not(state, effect, target, wanted)
+            why = None
+            if target not in shown:
+                why = "not in the picture"
+            elif effect.unneeded is not None:
+                why = effect.unneeded(state, target)
             if why is not None:
                 state.costs.skip(effect.name, why)
                 continue
@@ -209,15 +213,6 @@ def _run(
                     state.costs.skip(effect.name, "it reaches no pixel")
                 value = Deferred(compute) if effect.deferred else compute()
                 state.results.put(result, target, value)
-
-
-def _why_not(
-    state: RenderState, effect: Effect, target: Target, wanted: Collection[Target] | None
-) -> str | None:
-    """Why an effect does nothing for a target; None if it does something."""
-    if wanted is not None and target not in wanted:
-        return "not in the picture"
-    return effect.unneeded(state, target) if effect.unneeded is not None else None
 
 
 def _targets_in(item: Pass, seen: Collection[int]) -> Collection[Target]:

@@ -149,6 +149,12 @@ class Effect:
             against = self.pointless(request, index) if self.pointless is not None else ""
             yield Rejection(against) if against else self.why
 
+    def needed(self, request: RenderRequest, target: Target) -> Iterator[str]:
+        """Names of the effects that must run before for a target."""
+        for need in self.needs:
+            names = need if isinstance(need, str) else need(request, target)
+            yield from (names,) if isinstance(names, str) else names
+
     def scene_without(self, scene: Scene) -> Scene | None:
         """Return a scene without the effect; None if it is not known how."""
         if self.without is not None:

@@ -134,7 +134,8 @@ def _without_what_mirrors_hide(around: Surroundings, material: Material) -> Iter
         yield "refraction", "the surface is a perfect mirror", material
     if _is_perfect(reflection) or _is_perfect(refraction):
         yield from _unlit(material, "the surface is a perfect mirror")
-    if not (_is_dark(material) and not around.environment):
+    is_dark = material.shading == "unlit" and not is_diffuse(material)
+    if not is_dark or around.environment:
         return
     for name, mirror in (("refraction", refraction), ("reflection", reflection)):
         if mirror is not None:
@@ -226,10 +227,6 @@ def _is_richer(material: Material, other: Material) -> bool:
         for item in fields(material)
         if item.name not in ("alpha_mode", "alpha_cutoff", "vertex_colors", "ior")
     )
-
-
-def _is_dark(material: Material) -> bool:
-    return material.shading == "unlit" and _is_black(material.base_color) and not material.projected
 
 
 def is_hidden(material: Material) -> bool:

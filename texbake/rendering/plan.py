@@ -7,7 +7,7 @@ costs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,7 +41,7 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
         if key in known:
             return
         known.add(key)
-        for name in _needed(effect, request, activation.target):
+        for name in effect.needed(request, activation.target):
             needed = by_name[name]
             assert places[name] < places[effect.name], f"{effect.name} comes before {name}"
             target = activation.target if needed.of == effect.of else None
@@ -70,12 +70,6 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
         if not (active[effect.name] or rejections[effect.name] or effect.name in shown):
             skipped.append(SkippedEffect(effect.name, "", effect.left_out))
     return Plan(tuple(passes), tuple(skipped))
-
-
-def _needed(effect: Effect, request: RenderRequest, target: Target) -> Iterator[str]:
-    for need in effect.needs:
-        names = need if isinstance(need, str) else need(request, target)
-        yield from (names,) if isinstance(names, str) else names
 
 
 @dataclass(frozen=True)

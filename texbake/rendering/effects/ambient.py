@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 
@@ -74,23 +75,15 @@ def _occlusion_shares(state: RenderState, target: Target) -> FloatImage:
     n_steps = max(1, math.ceil(occlusion.samples / (2 * n_slices)))
     per_unit = 0.5 * height / pm.tan(camera.fov / 2.0)
 
-    def locate(start: int, stop: int) -> None:
-        core.find_places(
-            visibility.face_ids, visibility.depths, side, camera.near, world.positions,
-            world.faces, rays, places, normals, start, stop,
-        )  # fmt: skip
-
-    def gather(start: int, stop: int) -> None:
-        core.find_arriving_shares(
-            places, normals, camera.axes[0], camera.axes[1], per_unit, float(radius), n_slices,
-            n_steps, rough, start, stop,
-        )  # fmt: skip
-
-    def blur(start: int, stop: int) -> None:
-        core.smooth_shares(rough, places, normals, float(radius), smooth, start, stop)
-
-    for work in locate, gather, blur:
-        run_bands(work, height, band=_ROWS, threads=state.threads)
+    kernels = (
+        partial(core.find_places, visibility.face_ids, visibility.depths, side, camera.near,
+                world.positions, world.faces, rays, places, normals),
+        partial(core.find_arriving_shares, places, normals, camera.axes[0], camera.axes[1],
+                per_unit, float(radius), n_slices, n_steps, rough),
+        partial(core.smooth_shares, rough, places, normals, float(radius), smooth),
+    )  # fmt: skip
+    for kernel in kernels:
+        run_bands(kernel, height, band=_ROWS, threads=state.threads)
     return np.float32(1.0) - np.float32(occlusion.strength) * (np.float32(1.0) - smooth)
 
 
@@ -118,10 +111,6 @@ AMBIENT_OCCLUSION = Effect(
     shade=_hold_back,
     rate="pixel",
 )
-
-
-def _reflects_ambient(request: RenderRequest, index: int) -> bool:
-    return request.scene.lighting.ambient.shines and is_diffuse(request.material(index))
 
 
 def _normals_for_ambient(request: RenderRequest, target: int) -> Iterator[str]:
@@ -189,7 +178,9 @@ AMBIENT = Effect(
     does="adds ambient light",
     after="ambient occlusion",
     among="lit",
-    when=_reflects_ambient,
+    when=lambda request, index: (
+        request.scene.lighting.ambient.shines and is_diffuse(request.material(index))
+    ),
     why="the scene has ambient light",
     left_out="the scene has no ambient light, or nothing that it falls on",
     needs=("slots", _normals_for_ambient),

@@ -43,10 +43,6 @@ def mesh_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray]
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
 
-def _keeps_normals(request: RenderRequest, index: int) -> bool:
-    return "normals" in request.keep and request.material(index).normal_map is None
-
-
 def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
     """(n, 3) float32: unit normals of the mesh, or of its displaced and subdivided triangles."""
     drawn = fragments.drawn
@@ -79,7 +75,9 @@ NORMALS = Effect(
     name="normals",
     does="interpolates normals",
     after="projected textures",
-    when=_keeps_normals,
+    when=lambda request, index: (
+        "normals" in request.keep and request.material(index).normal_map is None
+    ),
     why="the frame keeps normals",
     requested_by="the caller",
     left_out="no object in the picture is lit by the normals of its mesh",

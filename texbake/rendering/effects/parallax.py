@@ -35,7 +35,6 @@ from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture, textured_mesh
 from texbake.rendering.fragments import Floats, Fragments
-from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.texture.lookup import wrap_codes
 from texbake.texture.sample import mip_levels
@@ -50,11 +49,6 @@ class TextureSlopes:
     slopes: FloatArray  # (F, 2, 3): gradients of u and of v in world space; 0 on degenerate faces
     # (F,): world length of one unit of texture coordinates; 0 on degenerate faces
     sizes: FloatArray
-
-
-def _pointless(request: RenderRequest, index: int) -> str:
-    looks_up = request.moves_textures(index)
-    return "" if looks_up else "its material looks up nothing at texture coordinates"
 
 
 def _texture_slopes(state: RenderState, target: int) -> TextureSlopes:
@@ -139,7 +133,11 @@ PARALLAX = Effect(
     material_field="parallax",
     strength="depth",
     why="its material has a parallax map",
-    pointless=_pointless,
+    pointless=lambda request, index: (
+        ""
+        if request.moves_textures(index)
+        else "its material looks up nothing at texture coordinates"
+    ),
     left_out="no material in the picture has a parallax map",
     needs=("images", "view directions", "vertex normals"),
     load=_texture_slopes,

@@ -14,6 +14,7 @@ Kernel: `core/interpolation.c`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -107,10 +108,6 @@ def _find_view(fragments: Fragments, state: RenderState) -> None:
     core.find_view_directions(fragments.places, rays, fragments.to_eye)
 
 
-def _find_uvs(fragments: Fragments, state: RenderState) -> None:
-    _interpolate_uvs(fragments, state, None)
-
-
 def _find_further_uvs(fragments: Fragments, state: RenderState) -> None:
     for name in state.request.uv_sets(fragments.target):
         _interpolate_uvs(fragments, state, name)
@@ -183,7 +180,7 @@ TEXTURE_COORDINATES = Effect(
     left_out="nothing is looked up at (u, v)",
     needs=(mapping_effect,),
     load=_require_uvs,
-    shade=_find_uvs,
+    shade=partial(_interpolate_uvs, name=None),
 )
 
 FURTHER_COORDINATES = Effect(

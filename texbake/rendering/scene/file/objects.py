@@ -63,13 +63,9 @@ def _mapping(matrix: FloatArray | None = None, **values: Any) -> UnwrapOptions:
     return UnwrapOptions(**values)
 
 
-def _material_kind(value: Any) -> str:
-    return "<name>" if isinstance(value, str) else "<table>"
-
-
 _MATERIAL = Annotated[
     Annotated[Text, Tag("<name>")] | Annotated[MaterialOf, Tag("<table>")],
-    Discriminator(_material_kind),
+    Discriminator(lambda value: "<name>" if isinstance(value, str) else "<table>"),
 ]
 _SHAPE_KEYS = {
     **types_of_fields(MakeOptions, {"profile": File, "patches": File, "image": File}),
