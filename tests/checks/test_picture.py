@@ -8,7 +8,7 @@ import pytest
 from texbake.checks.check import check
 from texbake.checks.picture import COLORS
 from texbake.errors import OptionError, UvError
-from texbake.jobs.findings_picture import render_findings
+from texbake.jobs.side_pictures import render_findings
 from texbake.mapping.layout_view import linear
 from texbake.mesh.mesh import Mesh
 

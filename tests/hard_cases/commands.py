@@ -39,7 +39,7 @@ from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.export.export import share_elsewhere
-from texbake.jobs.uv_pictures import render_checker
+from texbake.jobs.side_pictures import render_checker
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.options.projection import SURFACES, VIAS
 from texbake.mapping.overlap import find_overlaps

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileError, FileFormatError, OptionError, UvError
-from texbake.jobs.uv_pictures import check_layout, render_checker, write_layout
+from texbake.jobs.outputs import check_layout
+from texbake.jobs.side_pictures import render_checker, write_layout
 from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mesh.shapes import cube, plane

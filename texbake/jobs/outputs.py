@@ -110,16 +110,19 @@ def check_page(path: PathLike | None) -> None:
         check_writable(path)
 
 
-def check_drawing(path: PathLike) -> None:
+def check_layout(path: PathLike) -> None:
     """Raise if a layout could not be written to a path."""
-    from texbake.jobs.uv_pictures import check_layout
-
-    check_layout(path)
+    suffix = Path(path).suffix
+    if suffix.lower() not in (".png", ".svg"):
+        raise FileFormatError(
+            f"{path}: layouts cannot be written as {quoted(suffix)}; use .png or .svg"
+        )
+    check_writable(path)
 
 
 # By the kinds of `texbake.verbs.verb.Writes`.
 OUTPUT_CHECKS: dict[str, Callable[..., None]] = {
-    "mesh": check_mesh, "picture": check_picture, "page": check_page, "drawing": check_drawing,
+    "mesh": check_mesh, "picture": check_picture, "page": check_page, "drawing": check_layout,
     "report": check_writable, "hits": check_writable, "image": check_writable,
     "folder": check_folder, "images": lambda path: None,
 }  # fmt: skip

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from texbake.files import PathLike, make_folder, scratch_folder
-from texbake.jobs.default_view import DefaultView
 from texbake.jobs.outputs import JobResult
+from texbake.jobs.preview_scene import DefaultView
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.compare_models import Contribution, contributions_of

@@ -1,26 +1,36 @@
-"""What a preview draws: a scene from any file, with a light and with the materials that it has.
+"""What a preview draws, and how it is seen where neither the file nor an option says it.
 
-A mesh is lit by the studio, and so is a scene without lights. Pictures in this light are exposed.
+A mesh is lit by the studio, and so is a scene without lights. Pictures in this light are exposed. A
+table beside the picture reports which sides and camera were chosen, and warnings say if nothing can
+be seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from texbake.errors import OptionError
+import numpy as np
+
+from texbake.errors import OptionError, counted
 from texbake.files import PathLike
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import surface_side
 from texbake.progress import ProgressSink
+from texbake.rendering.camera import Camera, fill_picture
+from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions
+from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import Scene
+from texbake.rendering.scene.scene import Scene, camera_of, outline
 from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
+from texbake.texture.encoding import quantize_srgb
 
 if TYPE_CHECKING:
     from texbake.mesh.materials import Materials
@@ -125,3 +135,146 @@ def with_lighting(scene: Scene) -> Scene:
         room = Environment(image=STUDIO_ROOM, size=_ROOM_SIZE, background=False, lighting=True)
         return replace(scene, lighting=replace(lighting, environment=room))
     return replace(scene, lighting=replace(lighting, lights=STUDIO.lights, ambient=STUDIO.ambient))
+
+
+# Light below this has the 8-bit code 0.
+BLACK = 0.5 / 255.0 / 12.92
+
+
+@dataclass(frozen=True, eq=False)
+class DefaultView:
+    """How a scene is shown."""
+
+    path: PathLike  # the file
+    scene: Scene
+    options: RenderOptions
+    camera: Camera | None = None  # None for the scene's own
+    n_strays: int = 0  # triangles that the camera leaves out because they lie far from all others
+    side: str = ""  # as from `surface_side`; "" if it was not needed
+
+    def table(self, frame: Frame) -> list[tuple[str, str]]:
+        """Return rows about the choices that change this picture."""
+        rows = []
+        if frame.exposure is not None and frame.exposure < 1.0:
+            rows.append(("exposure", f"{frame.exposure:.2f}, so that white does not clip"))
+        share = self._share_of_backs(frame)
+        if share > 0.0:
+            cause = "inside out" if self.side == "back" else "open"
+            rows.append(
+                ("back faces", f"{100.0 * share:.1f} % of the visible surface; the mesh is {cause}")
+            )
+        return rows
+
+    def _share_of_backs(self, frame: Frame) -> float:
+        if self.side not in ("both", "back") or self.options.mapping_order != "screen":
+            return 0.0
+        return _share_of_backs(self.scene, frame, self._camera)
+
+    @property
+    def _camera(self) -> Camera:
+        return self.camera or camera_of(self.scene, self.options)
+
+    def warnings(self, frame: Frame) -> Iterator[str]:
+        """Yield a line if the picture leaves something out, or if nothing can be seen in it."""
+        if self.n_strays:
+            what = counted(self.n_strays, "triangle lies", "triangles lie")
+            yield (
+                f"{self.path}: {what} far from all others and may be outside the picture; "
+                "set a larger distance with --view AZ,EL,DIST"
+            )
+        if self.options.buffer is None:
+            cause = _one_color(self.scene, self.options, frame, self._camera)
+            if cause:
+                yield f"{self.path}: the picture has one color: {cause}"
+
+
+def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> DefaultView:
+    """Choose the sides and the camera for a mesh or a model, where options do not set them.
+
+    Back faces are shown if a mesh is open, or closed and inside out. Materials of a glTF file set
+    their own sides, and a scene file sets everything.
+    """
+    if Path(path).suffix.lower() == ".toml":
+        return DefaultView(path, scene, options)
+    meshes = [outline(item) for item in scene.objects]
+    side = ""
+    if options.back_faces is None:
+        asking = [
+            mesh
+            for mesh, item in zip(meshes, scene.objects, strict=True)
+            if item.material.double_sided is None
+        ]
+        side = surface_side(join_meshes(asking)) if asking else "front"
+        options = replace(options, back_faces="cull" if side == "front" else "show")
+    if scene.view is not None or options.distance is not None:
+        return DefaultView(path, scene, options, side=side)
+    seen = [
+        mesh
+        for mesh, item in zip(meshes, scene.objects, strict=True)
+        if item.visible and not is_hidden(item.material)
+    ]
+    found = fill_picture(seen or meshes, options)
+    return DefaultView(path, scene, options, found.camera, found.n_strays, side)
+
+
+def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
+    """Share of back faces among the pixels that show a surface."""
+    ids = frame.face_ids[frame.face_ids >= 0]
+    if any(item.material.displacement is not None for item in scene.objects) or not len(ids):
+        return 0.0
+    meshes = [outline(item) for item in scene.objects]
+    counts = np.bincount(ids, minlength=sum(mesh.n_faces for mesh in meshes))
+    n_backs, first = 0, 0
+    for mesh in meshes:
+        here = counts[first : first + mesh.n_faces]
+        seen = np.flatnonzero(here).astype(np.int32)
+        n_backs += int(here[seen[_facing(mesh, seen, camera) < 0.0]].sum())
+        first += mesh.n_faces
+    return n_backs / len(ids)
+
+
+def _facing(mesh: Mesh, faces: IntArray | slice, camera: Camera) -> FloatArray:
+    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 edge-on."""
+    corners = mesh.positions[mesh.faces[faces]] - camera.eye
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(-(normals * corners[:, 0]).sum(axis=1))
+
+
+def _one_color(scene: Scene, options: RenderOptions, frame: Frame, camera: Camera) -> str:
+    """Return why nothing can be seen in a picture; "" if something can."""
+    if not frame.coverage.any():
+        return _why_nothing(scene, options, camera)
+    if _is_black(frame):
+        return "everything is black: the materials are black, or no light reaches them"
+    codes = quantize_srgb(frame.color[0, 0, :3], 8)
+    if (frame.coverage == 1.0).all() and (quantize_srgb(frame.color[..., :3], 8) == codes).all():
+        return "one surface fills the picture; move the camera with --view AZ,EL,DIST"
+    return ""
+
+
+def _is_black(frame: Frame) -> bool:
+    """Whether all surfaces of a picture have the 8-bit code 0."""
+    some = frame.color[::16, ::16][frame.coverage[::16, ::16] == 1.0][:, :3]
+    if some.size and some.max() >= BLACK:  # true for most pictures
+        return False
+    whole = frame.coverage == 1.0
+    light = frame.color[whole if whole.any() else frame.coverage > 0.0][:, :3]
+    return bool(light.max() < BLACK)
+
+
+def _why_nothing(scene: Scene, options: RenderOptions, camera: Camera) -> str:
+    """Return why no surface is in a picture."""
+    shown = [item for item in scene.objects if item.visible and not is_hidden(item.material)]
+    if not shown:
+        return "all objects are hidden or fully transparent"
+    facing = [_facing(outline(item), slice(None), camera) for item in shown]
+    if not any(side.any() for side in facing):
+        return "every triangle is seen edge-on or has no area; choose another --view"
+    culls = [
+        item.material.double_sided is False
+        or (item.material.double_sided is None and options.back_faces != "show")
+        for item in shown
+    ]
+    if all(cull and not (side > 0.0).any() for cull, side in zip(culls, facing, strict=True)):
+        return "every triangle is seen from behind; draw them with --back-faces show"
+    return "nothing is in front of the camera or large enough to see; choose another --view"

@@ -84,7 +84,7 @@ def check_files(
     elif layout is not None:
         warnings.append(f"{layout}: not drawn; there are no texture coordinates to draw in")
     if sides is not None and any(len(finding.faces) for finding in checked.findings):
-        from texbake.jobs.findings_picture import write_findings
+        from texbake.jobs.side_pictures import write_findings
 
         write_findings(checked, sides, progress=progress)
         files.append(sides)

@@ -170,9 +170,8 @@ def preview_files(
     Heights are decoded by the metadata of their file, or are in model units. A glTF file is drawn
     with its own materials. A scene file says how it is drawn; options given here take precedence.
     """
-    from texbake.jobs.default_view import default_view
     from texbake.jobs.preview import draw_preview, side_by_side_options, turntable_files
-    from texbake.jobs.preview_scene import open_preview
+    from texbake.jobs.preview_scene import default_view, open_preview
 
     choices = side_by_side or {}
     is_several = any(len(words) > 1 for words in choices.values())

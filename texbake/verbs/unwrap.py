@@ -178,7 +178,7 @@ def _draw(
     """Draw the charts and the checker, where they are asked for; both import the renderer."""
     if layout is None and checker is None:
         return
-    from texbake.jobs.uv_pictures import render_checker, write_layout
+    from texbake.jobs.side_pictures import render_checker, write_layout
     from texbake.mesh.compose import join_meshes
     from texbake.texture.image import write_image
 

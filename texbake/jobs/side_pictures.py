@@ -1,8 +1,14 @@
-"""A picture of where the findings of a check are on its meshes."""
+"""Pictures of meshes from four sides, with a checker or with findings; and layouts as files.
+
+On the checker a person sees at once what figures of stretch mean: where the cells have equal size
+and shape the texture looks as it was painted, and where their names read backwards it is mirrored.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -12,8 +18,13 @@ from texbake.checks.checked_mesh import N_WORST, Finding
 from texbake.checks.picture import COLORS, ring
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
-from texbake.files import PathLike
+from texbake.files import PathLike, replacing
+from texbake.jobs.outputs import check_layout
+from texbake.mapping.corner_uvs import measurable_uvs, signed_areas
+from texbake.mapping.layout import draw_layout
+from texbake.mapping.layout_svg import layout_svg
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.progress import ProgressSink, Stages
@@ -22,8 +33,91 @@ from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, side_by_side
 from texbake.rendering.studio import studio_scene
+from texbake.texture.checker import checker_image
 from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
+
+N_CELLS = 16
+_TEXELS = 1024
+_LEAST_CELL = 4  # texels; smaller cells cannot be distinguished
+# With enough samples that distant cells do not form moiré patterns.
+CHECKER_PICTURE = RenderOptions(
+    width=640, height=640, supersampling=3, view=(25.0, 20.0), exposure="auto"
+)
+_SIDES = ("front", "right", "back", "left")
+
+
+def render_checker(
+    mesh: MeshLike,
+    options: RenderOptions | None = None,
+    *,
+    n_cells: int = N_CELLS,
+    threads: int | None = None,
+    progress: ProgressSink | None = None,
+) -> npt.NDArray[np.float32]:
+    """Render a mesh with a numbered checker for its texture, from four sides in a row.
+
+    Returns (H, W, 3) float32, linear light, cropped to what is seen from any side.
+    """
+    mesh = as_mesh(mesh)
+    options = options or CHECKER_PICTURE
+    with Stages(progress).stage("prepare"):
+        checker = checker_image(_texels_for(mesh, n_cells), n_cells)
+        scene = studio_scene(mesh, albedo=checker, options=options)
+        prepared = prepare(scene, options, threads=threads)
+    panels = []
+    seen = np.zeros((options.height, options.width), dtype=bool)
+    for side, (azimuth, camera) in zip(_SIDES, _cameras(mesh, options), strict=True):
+        frame = draw(prepared, camera, progress=progress)
+        seen |= frame.coverage > 0.0
+        panels.append(Panel(frame.color, side, azimuth))
+    return side_by_side(panels, seen)
+
+
+def _cameras(mesh: Mesh, options: RenderOptions) -> list[tuple[str, Camera]]:
+    """Cameras at the view of the options and after each quarter of a turn, with their azimuths."""
+    azimuth, *others = options.view
+    return [
+        (
+            f"azimuth {(azimuth + turn) % 360.0:g}°",
+            Camera.framing(mesh, options=replace(options, view=(azimuth + turn, *others))),
+        )
+        for turn in (0.0, 90.0, 180.0, 270.0)
+    ]
+
+
+def _texels_for(mesh: Mesh, n_cells: int) -> int:
+    """Side of the checker in texels: smaller if it repeats, so that no texel is skipped.
+
+    The more often the texture repeats over the surface, the smaller it is in the picture.
+    """
+    repeats = math.sqrt(max(float(np.abs(signed_areas(measurable_uvs(mesh))).sum()), 1.0))
+    halvings = math.ceil(pm.log2(repeats)) if repeats < _TEXELS else _TEXELS
+    return max(_TEXELS >> min(halvings, 30), _LEAST_CELL * n_cells)
+
+
+def write_layout(
+    mesh: MeshLike,
+    path: PathLike,
+    size: int | tuple[int, int] = 1024,
+    *,
+    heat: bool = False,
+    threads: int | None = None,
+) -> None:
+    """Draw the texture coordinates of a mesh into a PNG or SVG file, by its suffix.
+
+    `size`: pixels per side, or (width, height), of one tile.
+    """
+    mesh = as_mesh(mesh)
+    check_layout(path)
+    if Path(path).suffix.lower() == ".png":
+        picture = draw_layout(mesh, size, heat=heat, threads=threads)
+        write_image(picture, path, color=True, threads=threads)
+        return
+    document = layout_svg(mesh, size, heat=heat)
+    with replacing(path) as temporary:
+        temporary.write_text(document, encoding="utf-8")
+
 
 # Some findings are about faces that are flipped, so back faces are drawn.
 FINDINGS_PICTURE = RenderOptions(
@@ -35,7 +129,6 @@ FINDINGS_PICTURE = RenderOptions(
     filter="nearest",
     exposure="auto",
 )
-_SIDES = (0.0, 90.0, 180.0, 270.0)
 _SURFACE = (0.72, 0.73, 0.75)  # sRGB, of all other faces
 _RING = (1.0, 1.0, 1.0)
 
@@ -87,24 +180,20 @@ def _row(
     prepared = prepare(scene, options, threads=threads)
     normals = face_normals(colored, threads=threads)[finding.faces[:N_WORST]]
     middles = colored.positions[colored.faces[finding.faces[:N_WORST]]].mean(axis=1)
-    azimuth, *others = options.view
-    cameras = [
-        Camera.framing(colored, options=replace(options, view=(azimuth + turn, *others)))
-        for turn in _SIDES
-    ]
+    cameras = _cameras(colored, options)
     # Each of the worst is ringed where it is seen most directly.
-    facing = np.stack([_facing(camera, middles, normals) for camera in cameras])
+    facing = np.stack([_facing(camera, middles, normals) for _, camera in cameras])
     best = facing.argmax(axis=0)
     panels = []
     seen = np.zeros((options.height, options.width), dtype=bool)
-    for i, (camera, turn) in enumerate(zip(cameras, _SIDES, strict=True)):
+    for i, (azimuth, camera) in enumerate(cameras):
         frame = draw(prepared, camera)
         seen |= frame.coverage > 0.0
         color = np.ascontiguousarray(frame.color[:, :, :3])
         for x, y in _pixels(camera, middles[best == i], options):
             ring(color, x, y, np.array(decode_srgb(_RING)))
         notes = (f"{finding.severity}, {finding.mesh}-poly mesh", finding.counted, "", "")
-        caption = finding.kind.title if i == 0 else f"azimuth {(azimuth + turn) % 360.0:g}°"
+        caption = finding.kind.title if i == 0 else azimuth
         panels.append(Panel(color, caption, notes[i]))
     return side_by_side(panels, seen)
 
