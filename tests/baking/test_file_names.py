@@ -2,7 +2,7 @@
 
 import pytest
 
-from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
+from texbake.baking.maps import DEFAULT_PATTERN, map_file_names
 from texbake.errors import OptionError
 
 

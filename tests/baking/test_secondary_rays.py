@@ -6,7 +6,7 @@ from embreex_oracle import EmbreexScene
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps import INNER, OUTER
+from texbake.baking.maps.kind import INNER, OUTER
 from texbake.baking.options import BakeOptions
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays

@@ -107,11 +107,8 @@ def _add_high(
 ) -> None:
     """Raise the distances of faces to those of the high-poly points that are closest to them."""
     step = max(1, high.n_faces // _HIGH_TRIANGLES)
-    if isinstance(high, StreamedMesh):
-        corners = frame.to_local(high.spread_corners(step))
-    else:
-        corners = frame.to_local(high.positions[high.faces[::step].ravel()])
-    triangles = corners.reshape(-1, 3, 3)
+    triangles = frame.to_local(spread_corners(high, step))
+    corners = triangles.reshape(-1, 3)
     facing = np.repeat(_normals(triangles), 3, axis=0)
     positions = frame.to_local(low.positions)
     tree = TriangleTree.build(positions, low.faces, threads=threads)
@@ -123,6 +120,13 @@ def _add_high(
     is_out = pm.vecdot(offsets, normals) >= 0.0
     for side, chosen in enumerate((agrees & is_out, agrees & ~is_out)):
         np.maximum.at(of_faces[:, side], faces[chosen], distances[chosen])
+
+
+def spread_corners(high: Mesh | StreamedMesh, step: int) -> FloatArray:
+    """(n, 3, 3) float64: corners of every so many faces."""
+    if isinstance(high, StreamedMesh):
+        return high.spread_corners(step).reshape(-1, 3, 3)
+    return high.positions[high.faces[::step]]
 
 
 def _normals(triangles: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ from texbake.baking.ray_distances import (
     MARGIN,
     RayProbe,
     measure_ray_distances,
+    spread_corners,
 )
 from texbake.baking.rays import RayField
 from texbake.baking.texels import Samples
@@ -206,20 +207,15 @@ def _from_high(scene: RayScene, low: Mesh, points: FloatArray) -> tuple[float, f
 def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
     """All vertices, or in a large mesh one for each of evenly spread faces: (n, 3) float64."""
     step = max(1, high.n_faces // _HIGH_POINTS)
-    if isinstance(high, StreamedMesh):
-        return high.spread_corners(step)[:: 1 if step == 1 else 3]
-    vertices = used_rows(high.faces, high.n_vertices)[0] if step == 1 else high.faces[::step, 0]
-    return high.positions[vertices]
+    if step == 1 and isinstance(high, Mesh):
+        return high.positions[used_rows(high.faces, high.n_vertices)[0]]
+    return spread_corners(high, step)[:, : 3 if step == 1 else 1].reshape(-1, 3)
 
 
 def _middles(high: Mesh | StreamedMesh) -> FloatArray:
     """(n, 3) float64: middles of faces and their edges, in a large mesh of evenly spread faces."""
-    step = max(1, high.n_faces // (_HIGH_POINTS // 4))
-    if isinstance(high, StreamedMesh):
-        corners = high.spread_corners(step)
-    else:
-        corners = high.positions[high.faces[::step]]
-    first, second, third = np.moveaxis(corners.reshape(-1, 3, 3), 1, 0)
+    corners = spread_corners(high, max(1, high.n_faces // (_HIGH_POINTS // 4)))
+    first, second, third = np.moveaxis(corners, 1, 0)
     edges = [(first + second) / 2.0, (second + third) / 2.0, (third + first) / 2.0]
     return np.concatenate([*edges, (first + second + third) / 3.0])
 

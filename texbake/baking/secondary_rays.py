@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
-from texbake.baking.maps import INNER, OUTER, MapKind
+from texbake.baking.maps.kind import INNER, OUTER, MapKind
 from texbake.baking.scenes import BakeScenes
 from texbake.core import core
 from texbake.mesh.mesh import IntArray

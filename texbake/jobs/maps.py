@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from texbake.baking.codings import file_bits
-from texbake.baking.file_names import DEFAULT_PATTERN, map_file_names
 from texbake.baking.hits_file import write_hits
-from texbake.baking.maps import MAPS, MATERIAL_MAPS
+from texbake.baking.maps import DEFAULT_PATTERN, MAPS, MATERIAL_MAPS, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport

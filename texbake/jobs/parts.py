@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from texbake.baking.file_names import DEFAULT_PATTERN, FIRST_TILE, map_file_names
+from texbake.baking.maps import DEFAULT_PATTERN, FIRST_TILE, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import RayMapsOf, bake_parts
 from texbake.baking.parts.high_parts import match_objects, match_parts

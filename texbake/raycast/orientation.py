@@ -264,24 +264,19 @@ class _Votes:
         return np.asarray(self.seen & (ahead > _CLEAR * np.sqrt(self.in_front + self.behind)))
 
     def inwards(self) -> BoolArray:
-        """(n_parts,) bool: parts to flip."""
+        """(n_parts,) bool: parts to flip; a hidden one is as the seen one that it lies within."""
         inwards: BoolArray = self.clear & (self.behind > self.in_front)
-        asked = np.union1d(self.hits[:, 0], np.flatnonzero(self.seen))
-        for part in np.setdiff1d(asked, np.flatnonzero(self.seen)).tolist():
-            inwards[part] = inwards[self._enclosing_part(part)]
+        most_hit = self._most_hit_parts()
+        for part in np.setdiff1d(self.hits[:, 0], np.flatnonzero(self.seen)).tolist():
+            around, visited = part, {part}
+            while not self.seen[around]:
+                around = most_hit.get(around, around)
+                if around in visited:
+                    break
+                visited.add(around)
+            inwards[part] = inwards[around]
         return inwards
 
-    def _enclosing_part(self, part: int) -> int:
-        """The seen part that a hidden one lies within, or the part itself."""
-        most_hit, visited = self._most_hit_parts, {part}
-        while not self.seen[part]:
-            part = most_hit.get(part, part)
-            if part in visited:
-                break
-            visited.add(part)
-        return part
-
-    @cached_property
     def _most_hit_parts(self) -> dict[int, int]:
         """For each part, the other one that its rays hit most; of equals, the first."""
         n_parts = len(self.in_front)

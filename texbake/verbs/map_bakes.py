@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from texbake.baking.file_names import DEFAULT_PATTERN
+from texbake.baking.maps import DEFAULT_PATTERN
 from texbake.baking.options import BakeOptions
 from texbake.files import PathLike
 from texbake.verbs.step import IMAGE_FORMATS

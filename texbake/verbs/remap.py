@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from texbake.baking.file_names import DEFAULT_PATTERN
+from texbake.baking.maps import DEFAULT_PATTERN
 from texbake.baking.options import BakeOptions
 from texbake.files import PathLike
 from texbake.verbs.map_bakes import FORMAT, NAME_PATTERN

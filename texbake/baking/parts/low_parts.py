@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.file_names import FIRST_TILE
+from texbake.baking.maps import FIRST_TILE
 from texbake.baking.parts.high_parts import NamedPart
 from texbake.baking.parts.matching import PartsOptions
 from texbake.errors import MeshError, UvError
