@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from texbake.baking.memory import MB, PROCESS
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.jobs.export.options import KINDS, ExportOptions
+from texbake.jobs.export.programs import KINDS, ExportOptions
 from texbake.verbs.step import READ_FACE, Job, Settings, Sizes, n_bytes, n_faces, step_of
 from texbake.verbs.verb import Extra, Options, Reads, Writes, verb
 
@@ -83,7 +83,7 @@ def export_files(
     reads. SETTINGS.txt in the folder says what to set where.
     """
     from texbake.jobs.export.export import export_asset
-    from texbake.jobs.export.sources import find_maps
+    from texbake.jobs.export.maps import find_maps
     from texbake.mesh.files import read_mesh
 
     images = dict(named_maps or {}) if maps is None else find_maps(maps, named_maps)

@@ -12,7 +12,7 @@ import pytest
 from tests.artist_models import MODELS, WITH_UVS, bumpy, write_model
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.programs import ExportOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh

@@ -6,9 +6,8 @@ import pytest
 
 from texbake.errors import FileError, OptionError, UvError
 from texbake.jobs.export.export import SETTINGS, export_asset
-from texbake.jobs.export.options import TARGETS, ExportOptions
-from texbake.jobs.export.programs import PROGRAMS
-from texbake.jobs.export.sources import find_maps, kind_of, source_maps
+from texbake.jobs.export.maps import find_maps, kind_of, source_maps
+from texbake.jobs.export.programs import PROGRAMS, ExportOptions
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.normals import shading_normals
@@ -61,7 +60,7 @@ def codes_of(path):
     return np.rint(image.pixels * (2**image.bits - 1)).astype(int)
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_green_follows_the_convention_of_the_program(export, maps, target):
     result = export(target)
     (normal,) = [written.path for written in result.maps if written.kind == "normal"]
@@ -97,7 +96,7 @@ def test_maps_without_a_convention_use_the_option(tmp_path, mesh):
         assert (codes_of(result.maps[0].path) == (128, green, 220)).all()
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_heights_follow_the_settings(export, maps, target):
     result = export(target, meters_per_unit=0.01)
     (written,) = [written for written in result.maps if written.kind == "displacement"]
@@ -140,7 +139,7 @@ def orm(tmp_path, maps):
     return path, codes
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_a_packed_map_is_what_its_channels_are(tmp_path, mesh, maps, orm, export, target):
     """The files, the material and the text are those of three maps."""
     path, _ = orm
@@ -209,7 +208,7 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_files_have_the_names_that_the_program_expects(export, target):
     result = export(target)
     found = sorted(path.name for path in result.mesh.parent.iterdir())
@@ -220,7 +219,7 @@ def test_files_have_the_names_that_the_program_expects(export, target):
     assert "{" not in text
 
 
-@pytest.mark.parametrize("target", TARGETS)
+@pytest.mark.parametrize("target", PROGRAMS)
 def test_an_obj_file_is_distinguished_from_gltf(export, target):
     name = "a-long-name-of-many-words-that-no-line-has-room-for-beside-anything-else"
     result = export(target, mesh_format="obj", name=name)

@@ -5,7 +5,7 @@ import pytest
 
 from texbake.errors import OptionError, UvError
 from texbake.jobs.export.export import export_asset, share_elsewhere
-from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.programs import ExportOptions
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.files import read_mesh, write_mesh

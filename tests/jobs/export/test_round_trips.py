@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from texbake.jobs.export.export import export_asset
-from texbake.jobs.export.options import ExportOptions
+from texbake.jobs.export.programs import ExportOptions
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera

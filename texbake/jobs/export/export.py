@@ -21,10 +21,8 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, appearing_together, make_folder, replacing, scratch_folder
-from texbake.jobs.export.converting import Converter
-from texbake.jobs.export.options import ExportOptions
-from texbake.jobs.export.programs import PROGRAMS, ExportedMap, settings_text
-from texbake.jobs.export.sources import COLORS, PACKED, SourceMap, source_maps
+from texbake.jobs.export.maps import COLORS, PACKED, Converter, SourceMap, source_maps
+from texbake.jobs.export.programs import PROGRAMS, ExportedMap, ExportOptions, settings_text
 from texbake.jobs.outputs import triangle_notes
 from texbake.mesh.compose import transformed
 from texbake.mesh.distance import sample_surface
@@ -113,13 +111,7 @@ def export_asset(
         with stages.stage("write layers"):
             _write_layers(sources, layers, options)
     text = settings_text(
-        options.to,
-        target,
-        mesh_file,
-        written,
-        is_compressed=options.compress,
-        n_levels=1 + len(levels),
-        notes=converter.notes,
+        options, mesh_file, written, n_levels=1 + len(levels), notes=converter.notes
     )
     with replacing(folder / SETTINGS) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -10,6 +10,11 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
+
+from texbake.baking.options import CONVENTIONS, THREADS_OPTION
+from texbake.errors import OptionError, quoted
+from texbake.schema import CheckedOptions, Option, option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +122,59 @@ PROGRAMS = {
     ),
 }  # fmt: skip
 
+TEXTURES = ("png", "dds")
+MESH_FORMATS = ("glb", "obj", "usda", "usdc", "usdz")
+UPS = ("y", "z")
+# Maps that have a place in a program's material; all others are copied.
+KINDS = ("normal", "displacement", "base-color", "ao", "roughness", "metalness", "emissive",
+         "opacity", "bent-normal")  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(CheckedOptions):
+    """How `export_asset` writes an asset for another program."""
+
+    to: Annotated[str, Option("Program that reads the files.", choices=tuple(PROGRAMS))]
+    name: str | None = option(
+        None,
+        "Name of the asset, which file names begin with.",
+        metavar="NAME",
+        default="the mesh file's name",
+    )
+    mesh_format: str | None = option(
+        None, "Format of the mesh.", choices=MESH_FORMATS, default="what the program reads best"
+    )
+    textures: str = option(
+        "png",
+        "Format of the textures; dds is block-compressed with mip levels, for Godot.",
+        choices=TEXTURES,
+    )
+    up: str = option("y", "Axis of the mesh that points up.", choices=UPS)
+    meters_per_unit: float = option(
+        1.0,
+        "Length of a model unit, such as 0.01 for a mesh in centimeters.",
+        metavar="M",
+        above=0,
+        unit="meters",
+    )
+    convention: str = option(
+        "opengl",
+        "Green channel of normal maps whose files do not say it: +Y up (opengl) or +Y down "
+        "(directx).",
+        choices=CONVENTIONS,
+    )
+    compress: bool = option(
+        False, "Compress a GLB file with meshoptimizer (EXT_meshopt_compression)."
+    )
+    layers: bool = option(False, "Also write all maps, unchanged, as the layers of one EXR file.")
+    threads: Annotated[int | None, THREADS_OPTION] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.name is not None and (not self.name.strip() or set(self.name) & set("/\\\0")):
+            raise OptionError(f"name: {quoted(self.name)} is not a file name; leave out slashes")
+
+
 # What to do with each map in each program. `{file}` is its name; for heights `{mid}` is the value
 # of the surface, `{m}` and `{cm}` are black to white in meters and centimeters, `{bias}` is
 # meters at black. `{held}` is filled in for maps that the mesh file contains; `{flip}` says
@@ -221,17 +279,15 @@ _OTHER = "{file}: data, sRGB off; no place of its own in the material."
 
 
 def settings_text(
-    target_name: str,
-    target: Target,
+    options: ExportOptions,
     mesh_file: Path,
     maps: Sequence[ExportedMap],
     *,
-    is_compressed: bool,
     n_levels: int,
     notes: Sequence[str],
 ) -> str:
     """Return the settings to make in the program, as plain text."""
-    steps = _STEPS[target_name]
+    target, steps = PROGRAMS[options.to], _STEPS[options.to]
     is_glb = mesh_file.suffix == ".glb"
     holds = is_glb and target.embeds and not any(written.tile for written in maps)
     lines = [
@@ -248,7 +304,7 @@ def settings_text(
     held = [name for kind, name in _IN_MATERIAL.items() if kind in kinds]
     if holds and held:
         lines.append(f"  Its material already has: {', '.join(held)}.")
-    if is_compressed:
+    if options.compress:
         lines.append(f"  {_MESHOPT}")
     if n_levels > 1:
         lines.append(
