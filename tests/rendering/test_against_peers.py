@@ -50,12 +50,8 @@ class Case:
     filter: str = "trilinear"
 
 
-def camera_at(eye, target, *, near=0.05, fov=40.0):
-    back = np.subtract(eye, target) / np.linalg.norm(np.subtract(eye, target))
-    right = np.cross([0.0, 1.0, 0.0], back)
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(back, right), back])
-    return Camera(eye=np.array(eye, float), axes=axes, fov=np.radians(fov), near=near)
+def camera_at(eye, target):
+    return Camera.looking_at(eye, target, fov=np.radians(40.0), near=0.05)
 
 
 def checks(size=64):
