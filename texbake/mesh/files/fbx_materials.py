@@ -234,12 +234,10 @@ def first_image(scene: FbxScene, texture: FbxObject) -> tuple[bytes | None, str]
 
     Where there is none, None and the file name that the texture asks for, which may be empty.
     """
-    if texture.key not in scene.found:
-        holders = [*scene.members_of(texture.key, "Video"), texture]
-        names = list(chain.from_iterable(map(image_names, holders)))
-        image = next(_images(scene, holders, names), None)
-        scene.found[texture.key] = image or (None, PurePosixPath(next(iter(names), "")).name)
-    return scene.found[texture.key]
+    holders = [*scene.members_of(texture.key, "Video"), texture]
+    names = list(chain.from_iterable(map(image_names, holders)))
+    image = next(_images(scene, holders, names), None)
+    return image or (None, PurePosixPath(next(iter(names), "")).name)
 
 
 def _images(

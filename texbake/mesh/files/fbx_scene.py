@@ -67,8 +67,6 @@ class FbxScene:
     images: dict[str, bytes] = field(default_factory=dict, repr=False)
     # For each name, the first object whose image has been read.
     named: dict[str, Id] = field(default_factory=dict, repr=False)
-    # Results of `first_image` for textures; many materials may share a texture.
-    found: dict[Id, tuple[bytes | None, str]] = field(default_factory=dict, repr=False)
 
     def members_of(self, key: Id, node_name: str) -> list[FbxObject]:
         """Objects of a kind of node that are connected to an object, in order."""
@@ -253,8 +251,26 @@ WORLD = NodeTransform(np.eye(4), np.eye(3), np.ones(3))
 
 def place(parent: NodeTransform, properties: Properties) -> NodeTransform:
     """Place a model in its parent, by the way its `InheritType` says."""
-    rotation, local = _local(properties)
+    is_active = bool(_integer(properties, "RotationActive", 0))
+    order = _ORDERS[_integer(properties, "RotationOrder", 0) % 6 if is_active else 0]
+    rotation = _rotation(_vector(properties, "Lcl Rotation"), order)
+    if is_active:
+        before = _rotation(_vector(properties, "PreRotation"))
+        after = _rotation(_vector(properties, "PostRotation"))
+        rotation = pm.matmul(pm.matmul(before, rotation), after.T)
     scaling = _vector(properties, "Lcl Scaling", 1.0)
+    pivot = _vector(properties, "RotationPivot")
+    center = _vector(properties, "ScalingPivot")
+    # Points stay in place under scaling at its pivot, and under rotation at the other.
+    scaled = center - scaling * center + _vector(properties, "ScalingOffset") - pivot
+    local = np.eye(4)
+    local[:3, :3] = rotation * scaling
+    local[:3, 3] = (
+        pm.matmul(rotation, scaled)
+        + pivot
+        + _vector(properties, "RotationOffset")
+        + _vector(properties, "Lcl Translation")
+    )
     kind = _integer(properties, "InheritType", _USUAL)
     matrix = pm.matmul(parent.matrix, local)
     turned = pm.matmul(parent.rotation, rotation)
@@ -275,31 +291,6 @@ def geometric(properties: Properties) -> FloatArray:
     matrix[:3, :3] = rotation * _vector(properties, "GeometricScaling", 1.0)
     matrix[:3, 3] = _vector(properties, "GeometricTranslation")
     return matrix
-
-
-def _local(properties: Properties) -> tuple[FloatArray, FloatArray]:
-    """Rotation and (4, 4) matrix of a model in its parent."""
-    is_active = bool(_integer(properties, "RotationActive", 0))
-    order = _ORDERS[_integer(properties, "RotationOrder", 0) % 6 if is_active else 0]
-    rotation = _rotation(_vector(properties, "Lcl Rotation"), order)
-    if is_active:
-        before = _rotation(_vector(properties, "PreRotation"))
-        after = _rotation(_vector(properties, "PostRotation"))
-        rotation = pm.matmul(pm.matmul(before, rotation), after.T)
-    scaling = _vector(properties, "Lcl Scaling", 1.0)
-    pivot = _vector(properties, "RotationPivot")
-    center = _vector(properties, "ScalingPivot")
-    # Points stay in place under scaling at its pivot, and under rotation at the other.
-    scaled = center - scaling * center + _vector(properties, "ScalingOffset") - pivot
-    matrix = np.eye(4)
-    matrix[:3, :3] = rotation * scaling
-    matrix[:3, 3] = (
-        pm.matmul(rotation, scaled)
-        + pivot
-        + _vector(properties, "RotationOffset")
-        + _vector(properties, "Lcl Translation")
-    )
-    return rotation, matrix
 
 
 def _rotation(degrees: FloatArray, order: str = "xyz") -> FloatArray:

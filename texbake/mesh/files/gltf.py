@@ -182,7 +182,8 @@ def check_instance_count(placed: SceneNodes) -> None:
     """Raise `FileFormatError` if a file repeats its triangles too often.
 
     Nodes can share a mesh, and primitives an accessor, so a small file can ask for more triangles
-    than fit into memory. This reads no triangle.
+    than fit into memory. Three vertices count as a triangle, and each further UV set once more.
+    This reads no triangle.
     """
     document = placed.document
     counts: dict[int, int] = {}
@@ -193,8 +194,13 @@ def check_instance_count(placed: SceneNodes) -> None:
             continue
         mesh = document.item("meshes", index)
         if index not in counts:
-            primitives = document.objects(mesh, "primitives")
-            counts[index] = sum(_size(document, primitive) for primitive in primitives)
+            counts[index] = 0
+            for primitive in document.objects(mesh, "primitives"):
+                if n_triangles := triangle_count(document, primitive):
+                    position = document.mapping(primitive, "attributes")["POSITION"]
+                    n_vertices = document.integer(document.item("accessors", position), "count", 0)
+                    n_sets = 1 + len(further_sets(document, primitive))
+                    counts[index] += max(n_triangles, n_vertices // 3) * n_sets
         n_placed += counts[index]
     # A triangle takes more than a byte, unless it is there several times.
     most = most_triangles(MAX_TRIANGLES)
@@ -204,16 +210,6 @@ def check_instance_count(placed: SceneNodes) -> None:
             f"{n_placed:,}, more than {most:,} with their vertices and UV sets; "
             f"if you trust the file, read it with texbake --max-triangles {n_placed}"
         )
-
-
-def _size(document: Document, primitive: dict[str, Any]) -> int:
-    """Triangles of a primitive, or a third of its vertices, once for each of its UV sets."""
-    n_triangles = triangle_count(document, primitive)
-    if n_triangles == 0:
-        return 0
-    position = document.mapping(primitive, "attributes")["POSITION"]
-    n_vertices = document.integer(document.item("accessors", position), "count", 0)
-    return max(n_triangles, n_vertices // 3) * (1 + len(further_sets(document, primitive)))
 
 
 def scene_nodes(document: Document) -> SceneNodes:

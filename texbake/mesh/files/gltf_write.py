@@ -145,19 +145,19 @@ def _add_groups(
         place = quantization.place()
     numbers = {} if materials is None else uv_numbers(materials)
     uv_matrices = {} if quantization is None else quantization.uv_matrices()
-    written: dict[int, int] = {}
+    ids = np.zeros(mesh.n_faces, np.int32) if materials is None else materials.face_materials
+    written = {0: 0} if materials is None else {}  # indices of materials in the file
     nodes = []
     with np.errstate(over="ignore"):
         for group, faces in _groups(mesh, name):
             primitives = []
-            for of_faces, part in _by_material(faces, materials):
-                if of_faces not in written:
-                    written[of_faces] = 0
-                    if materials is not None:
-                        material = materials.materials[of_faces]
-                        written[of_faces] = add_material(asset, material, numbers, uv_matrices)
-                columns, indices = vertices.stream(part, of_faces, compress=asset.is_compressed)
-                primitives.append(asset.add_primitive(columns, indices, written[of_faces]))
+            for number in np.unique(ids[faces]).tolist():
+                if number not in written and materials is not None:
+                    material = materials.materials[number]
+                    written[number] = add_material(asset, material, numbers, uv_matrices)
+                part = faces[ids[faces] == number]
+                columns, indices = vertices.stream(part, number, compress=asset.is_compressed)
+                primitives.append(asset.add_primitive(columns, indices, written[number]))
             index = asset.add_mesh(group, primitives, **vertices.uv_set_names())
             nodes.append(asset.add_node(group, mesh=index, **place))
     return nodes
@@ -173,18 +173,6 @@ def _groups(mesh: Mesh, name: str) -> Iterator[tuple[str, npt.NDArray[np.intp]]]
     for group, faces in zip(mesh.group_names, np.split(order, ends[:-1]), strict=True):
         if len(faces):
             yield group, faces
-
-
-def _by_material(
-    faces: npt.NDArray[np.intp], materials: Materials | None
-) -> Iterator[tuple[int, npt.NDArray[np.intp]]]:
-    """Yield each material of some faces, and those that have it."""
-    if materials is None:
-        yield 0, faces
-        return
-    of_faces = materials.face_materials[faces]
-    for material in np.unique(of_faces).tolist():
-        yield material, faces[of_faces == material]
 
 
 FloatColumns = npt.NDArray[np.float32]

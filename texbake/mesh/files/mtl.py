@@ -103,9 +103,7 @@ def _read_libraries(path: Path, data: memoryview, missing: MissingParts) -> dict
     images: Images = {}
     for library in library_names(path, data):
         try:
-            found = _read_library(file_beside(path, library), missing, images)
-            for name, material in found.items():
-                known.setdefault(name, material)
+            known = _read_library(file_beside(path, library), missing, images) | known
         except FileFormatError:
             raise
         except FileError as error:

@@ -56,19 +56,14 @@ def read_in_child(path: PathLike, request: str, classes: Classes) -> Any:
     if kind == "bug":
         raise RuntimeError(f"{path}: {answer}")
     if kind != "answer":
-        raise _error(str(kind), str(answer))
+        found = getattr(errors, str(kind), None)
+        if isinstance(found, type) and issubclass(found, TexbakeError):
+            raise found(str(answer))
+        raise FileFormatError(str(answer))
     found, heard = answer
     for line in heard:
         warn_of(path, str(line).removeprefix(f"{os.fspath(path)}: "))
     return found
-
-
-def _error(kind: str, message: str) -> TexbakeError:
-    """Return the error of a name."""
-    found = getattr(errors, kind, None)
-    if isinstance(found, type) and issubclass(found, TexbakeError):
-        return found(message)
-    return FileFormatError(message)
 
 
 def _ending(error: ChildError) -> str:
