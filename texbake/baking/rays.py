@@ -16,7 +16,7 @@ own part (`UnobstructedRays`). So it starts no farther out than the first face o
 that faces it from there, and ends where it leaves its own part of the low-poly mesh at the back.
 What the low-poly mesh leaves out, like a stud on a plate, limits nothing.
 
-Kernels: `core/sample_rays.c`.
+Kernel: `core/sample_rays.c`.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class SecondaryRays:
         return replace(hits, secondary=met), len(hemispheres) * n_rays * len(self.needs)
 
     def hemispheres(self, hits: Hits, n_samples: int) -> Hemispheres:
-        """Hemispheres from hits, none of which is a miss. Kernel: `core/hemisphere_rays.c`.
+        """Hemispheres from hits, none of which is a miss. Kernel: `core/single_rays.c`.
 
         `n_samples`: samples per texel, which share its part of the net.
         """

@@ -1,7 +1,7 @@
 """The kernels: compiled loops in C17, in a library without any Python in it.
 
-One file holds one algorithm, and names its source and the Python module that calls it. Functions
-that are marked EXPORT are methods of `core`:
+One file holds one algorithm or a few that belong together, and names their sources and the Python
+modules that call it. Functions that are marked EXPORT are methods of `core`:
 
     from texbake.core import core
 

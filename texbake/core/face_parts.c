@@ -4,15 +4,15 @@
    step across a crease is long, so that borders settle on creases. Each seed then moves to the
    middle of its part, which makes parts compact and of similar size.
 
-   Distances are whole numbers: ties stay ties in spite of rounding in the positions, so that parts
-   do not depend on the size and position of a model.
+   Distances are small whole numbers: ties stay ties in spite of rounding in the positions, so that
+   parts do not depend on the size and position of a model. Faces that wait are kept in one list for
+   each distance ahead, and one list is due at a time, so that no priority queue is needed.
 
    Based on: Cohen-Steiner, Alliez, Desbrun, "Variational Shape Approximation", 2004 (Lloyd's
-   iteration over the faces of a mesh, flooded from seeds).
+   iteration over the faces of a mesh, flooded from seeds); Dial, "Algorithm 360: Shortest-Path Forest
+   with Topological Ordering", 1969.
 
    Called from part_division.c and texbake/mapping/atlas/cutting/parts.py. */
-
-#include "parts.h"
 
 #include <float.h>
 #include <math.h>
@@ -22,6 +22,91 @@
 #include "arena.h"
 #include "core.h"
 #include "numbers.h"
+#include "parts.h"
+
+/* Distance of faces that nothing reaches. */
+#define FAR_AWAY INT32_MAX
+
+/* Steps between neighbors are from 1 to this. */
+enum { LONGEST_STEP = 63, N_SLOTS = LONGEST_STEP + 1 };
+
+/* A face, the label offered to it, and the next row of its list. */
+struct offer {
+    int32_t face, label, next;
+};
+
+struct flood {
+    const int32_t (*neighbors)[3];
+    const int32_t (*steps)[3];
+    const int32_t *within; /* no step crosses from one value to another; NULL: all have the same */
+    int32_t *labels;
+    int32_t *distances;  /* FAR_AWAY at first */
+    int32_t *sizes;      /* faces of each label */
+    struct offer *queue; /* three rows per face, and one per source */
+    int64_t most;        /* faces of a label */
+};
+
+/* Lists of offers, one for each distance ahead. */
+struct offers {
+    int32_t heads[N_SLOTS];
+    int32_t n_rows;
+    int64_t n_waiting;
+};
+
+static void add_offer(
+    struct offers *offers, struct offer *queue, int64_t slot, int32_t face, int32_t label)
+{
+    queue[offers->n_rows] = (struct offer){face, label, offers->heads[slot]};
+    offers->heads[slot] = offers->n_rows++;
+    offers->n_waiting++;
+}
+
+/* Label a face that awaits a label, and offer the label to its neighbors. */
+static void settle(
+    const struct flood *flood, struct offers *offers, int32_t face, int32_t label, int64_t distance)
+{
+    flood->labels[face] = label;
+    flood->distances[face] = (int32_t)distance;
+    flood->sizes[label]++;
+    for (int side = 0; side < 3; side++) {
+        const int32_t other = flood->neighbors[face][side];
+        if (other < 0 || flood->labels[other] != OPEN_FACE)
+            continue;
+        if (flood->within && flood->within[other] != flood->within[face])
+            continue;
+        const int64_t reach = distance + flood->steps[face][side];
+        if (reach < flood->distances[other]) {
+            flood->distances[other] = (int32_t)reach;
+            add_offer(offers, flood->queue, reach % N_SLOTS, other, label);
+        }
+    }
+}
+
+/* Label every open face by its nearest source. */
+static void flood_from(
+    const struct flood *flood, int64_t n_sources, const int32_t *sources,
+    const int32_t *source_labels)
+{
+    struct offers offers = {.n_rows = 0, .n_waiting = 0};
+    for (int slot = 0; slot < N_SLOTS; slot++)
+        offers.heads[slot] = -1;
+    for (int64_t row = 0; row < n_sources; row++)
+        add_offer(&offers, flood->queue, 0, sources[row], source_labels[row]);
+    for (int64_t distance = 0; offers.n_waiting > 0; distance++) {
+        int32_t *head = &offers.heads[distance % N_SLOTS];
+        while (*head >= 0) {
+            const struct offer due = flood->queue[*head];
+            *head = due.next;
+            offers.n_waiting--;
+            if (flood->labels[due.face] != OPEN_FACE)
+                continue;
+            if (flood->sizes[due.label] >= flood->most)
+                flood->distances[due.face] = FAR_AWAY; /* another label may take it */
+            else
+                settle(flood, &offers, due.face, due.label, distance);
+        }
+    }
+}
 
 /* Length of a step between neighbors at the mean distance. It is not a round number, so that the
    steps of regular meshes do not lie halfway between two whole numbers. */

@@ -50,6 +50,11 @@ int64_t solve_block_system(
     const double (*uvs)[2], const int32_t *regions, double (*solution)[2], double tolerance,
     int64_t n_iterations);
 
+/* Write the region of each vertex, from 0 without gaps; all 0 if the patch is too small for it to
+   pay. */
+void divide_regions(
+    struct arena *arena, int64_t n, const double (*uvs)[2], int32_t *regions);
+
 /* boundary_meeting.c */
 
 /* Borders count as touching, not overlapping, up to this share of the longer side of the layout:
@@ -76,13 +81,6 @@ int64_t boundary_meets(
 int64_t count_overlaps(
     struct arena *arena, const double (*uvs)[2], int64_t n_faces, const int32_t (*faces)[3],
     double depth);
-
-/* rigid_regions.c */
-
-/* Write the region of each vertex, from 0 without gaps; all 0 if the patch is too small for it to
-   pay. */
-void divide_regions(
-    struct arena *arena, int64_t n, const double (*uvs)[2], int32_t *regions);
 
 /* tutte.c */
 

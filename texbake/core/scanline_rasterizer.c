@@ -17,7 +17,6 @@
 #include "clipping.h"
 #include "core.h"
 #include "numbers.h"
-#include "perspective_weights.h"
 
 /* Which faces of an object are drawn, as in texbake/rendering/rasterize.py. */
 enum { SKIP, CULL_BACK, SHOW_BACK };

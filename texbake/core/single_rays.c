@@ -1,22 +1,43 @@
-/* Rays against a tree of triangles, one by one: for rays with unrelated directions.
+/* Rays against a tree of triangles, one by one, and hemispheres of them from points of a surface, cast
+   one direction at a time for 16 hemispheres.
 
    A ray is tested against the eight boxes of a node at a time, in float32; the boxes are enlarged
    by more than the rounding error. Then it is tested against the eight triangles of a leaf, in
    float64, as in ray_triangle.h. Both tests give the same results on any processor. The hit depends
-   only on the ray and the triangles, not on the tree or the order in which it is walked.
+   only on the ray and the triangles, not on the tree or the order in which it is walked. Hemispheres
+   of neighboring texels follow each other, and so do their rays in one direction: a triangle that
+   blocks one ray often blocks the next.
 
    Based on: Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal
-   using Multi-branching BVHs", 2008.
+   using Multi-branching BVHs", 2008; Duff et al., "Building an Orthonormal Basis, Revisited", 2017,
+   for the frames.
 
-   Called from hemisphere_rays.c. */
+   Called from texbake/raycast/scene.py and texbake/baking/secondary_rays.py. */
 
-#include "single_rays.h"
-
-#include "numbers.h"
-#include "ray_triangle.h"
 #if defined(__SSE2__)
 #include <immintrin.h>
 #endif
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "core.h"
+#include "morton_tree.h"
+#include "numbers.h"
+#include "ray_triangle.h"
+
+/* The tree that rays walk: a node is identified by its level and its index there, a leaf by its
+   index. */
+struct ray_tree {
+    const leaf *leaves;
+    const node *levels[MAX_LEVELS]; /* the nodes of each level, the lowest first */
+    int n_levels;
+    double size; /* the greatest coordinate of a corner */
+};
+
+/* Distances are in units of the direction's length, which need not be 1. */
+struct single_ray {
+    double origin[3], direction[3], length;
+};
 
 #define STACK (MAX_LEVELS * WIDTH + 1)
 /* Error of the box tests in float32, relative to the size of the tree and the distance of the ray:
@@ -41,7 +62,7 @@ struct place {
     float near;
 };
 
-struct ray_tree ray_tree_of(
+static struct ray_tree ray_tree_of(
     const leaf *leaves, const node *nodes, int64_t n_levels, const int64_t *starts,
     const double box[6])
 {
@@ -183,7 +204,9 @@ static inline float lengthened(double length)
     return (float)(length * (1.0 + 4.0 * SLACK));
 }
 
-bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64_t *blocker)
+/* Whether the ray hits a triangle within its length. `blocker` is a leaf to test first, or -1; a
+   leaf that blocks the ray is written to it. */
+static bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64_t *blocker)
 {
     struct walk walk;
     start_walk(&walk, tree, ray);
@@ -210,7 +233,8 @@ bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64
     return false;
 }
 
-double free_length(const struct ray_tree *tree, const struct single_ray *ray)
+/* Distance of the first hit within the length of the ray; without a hit, the length. */
+static double free_length(const struct ray_tree *tree, const struct single_ray *ray)
 {
     struct walk walk;
     start_walk(&walk, tree, ray);
@@ -236,4 +260,145 @@ double free_length(const struct ray_tree *tree, const struct single_ray *ray)
         }
     }
     return free;
+}
+
+#define TOGETHER 16 /* hemispheres whose rays are cast in turn */
+
+/* Columns of the results: texbake/raycast/rays.py. */
+enum { OPEN, OPEN_DIRECTION, DEPTH = OPEN_DIRECTION + 3, N_COLUMNS };
+
+/* Two tangents and the axis of a hemisphere, and the normal of the plane its rays stay above. */
+struct hemisphere {
+    double frame[3][3], plane[3];
+};
+
+static struct hemisphere frame_hemisphere(const float axis[3], const float plane[3])
+{
+    const double x = axis[0], y = axis[1], z = axis[2], sign = z >= 0.0 ? 1.0 : -1.0;
+    const double a = -1.0 / (sign + z), b = x * y * a;
+    return (struct hemisphere){
+        {{1.0 + sign * x * x * a, sign * b, -sign * x}, {b, sign + y * y * a, -y}, {x, y, z}},
+        {plane[0], plane[1], plane[2]}};
+}
+
+/* Turn a direction into the frame of a hemisphere, mirrored at the plane if it points below. */
+static void turn_direction(const struct hemisphere *at, const float local[3], double direction[3])
+{
+    double height = 0.0;
+    for (int k = 0; k < 3; k++) {
+        direction[k] = local[0] * at->frame[0][k] + local[1] * at->frame[1][k] +
+                       local[2] * at->frame[2][k];
+        height += direction[k] * at->plane[k];
+    }
+    const double below = 2.0 * min_f64(height, 0.0);
+    for (int k = 0; k < 3; k++)
+        direction[k] -= below * at->plane[k];
+}
+
+/* A ray that starts an offset above a plane (side 1) or below it (-1) and goes to that side. */
+static struct single_ray ray_from(
+    const double point[3], const double plane[3], double offset, const double direction[3],
+    double side, double length)
+{
+    struct single_ray ray = {.length = length};
+    for (int k = 0; k < 3; k++) {
+        ray.origin[k] = point[k] + side * offset * plane[k];
+        ray.direction[k] = side * direction[k];
+    }
+    return ray;
+}
+
+/* Cast hemispheres, and write what their rays meet; `sets` are sets of n_rays directions. Rays of
+   length 0 are not cast. */
+EXPORT void cast_hemispheres(
+    int64_t n, int64_t n_directions, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
+    const double points[n][3], const float axes[n][3], const float planes[n][3],
+    const uint32_t set_ids[n], const float sets[n_directions][3], int64_t n_rays, double offset,
+    double outer, double inner, const double leaves[n_leaves][9][8],
+    const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
+    float results[n][5])
+{
+    const struct ray_tree tree = ray_tree_of(leaves, nodes, n_levels, starts, box);
+    for (int64_t first = 0; first < n; first += TOGETHER) {
+        const int64_t n_hemispheres = min_i64(n - first, TOGETHER);
+        struct hemisphere hemispheres[TOGETHER];
+        double sums[TOGETHER][N_COLUMNS] = {{0}};
+        for (int64_t i = 0; i < n_hemispheres; i++)
+            hemispheres[i] = frame_hemisphere(axes[first + i], planes[first + i]);
+        for (int64_t j = 0; j < n_rays; j++) {
+            int64_t blocker = -1;
+            for (int64_t i = 0; i < n_hemispheres; i++) {
+                const double *point = points[first + i], *plane = hemispheres[i].plane;
+                double direction[3], *sum = sums[i];
+                turn_direction(&hemispheres[i], sets[set_ids[first + i] * n_rays + j], direction);
+                if (outer > 0.0) {
+                    const struct single_ray ray =
+                        ray_from(point, plane, offset, direction, 1.0, outer);
+                    if (!is_blocked(&tree, &ray, &blocker)) {
+                        sum[OPEN] += 1.0;
+                        for (int k = 0; k < 3; k++)
+                            sum[OPEN_DIRECTION + k] += direction[k];
+                    }
+                }
+                if (inner > 0.0) {
+                    const struct single_ray ray =
+                        ray_from(point, plane, offset, direction, -1.0, inner);
+                    sum[DEPTH] += free_length(&tree, &ray);
+                }
+            }
+        }
+        for (int64_t i = 0; i < n_hemispheres; i++) {
+            float *result = results[first + i];
+            const double *sum = sums[i];
+            if (outer > 0.0) {
+                result[OPEN] = (float)(sum[OPEN] / (double)n_rays);
+                for (int k = 0; k < 3; k++)
+                    result[OPEN_DIRECTION + k] = sum[OPEN] > 0.0
+                                                     ? (float)(sum[OPEN_DIRECTION + k] / (double)n_rays)
+                                                     : axes[first + i][k];
+            }
+            if (inner > 0.0)
+                result[DEPTH] = (float)(sum[DEPTH] / (double)n_rays);
+        }
+    }
+}
+
+/* One over the length of a vector, 0 for a zero vector. */
+static double inverse_length(const double vector[3])
+{
+    const double square = vector[0] * vector[0] + vector[1] * vector[1] + vector[2] * vector[2];
+    return square > 0.0 ? 1.0 / sqrt(square) : 0.0;
+}
+
+/* Write the point, the shading normal and the face normal of each hit, in the local frame. */
+EXPORT void place_hemispheres(
+    int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
+    const float barycentrics[n][2], const double positions[n_vertices][3],
+    const int32_t corners[n_faces][3], const double center[3], double scale,
+    const float normals[n_normals][3], const int32_t normal_corners[n_faces][3],
+    double points[n][3], float axes[n][3], float planes[n][3])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const double b = barycentrics[i][0], c = barycentrics[i][1], a = 1.0 - b - c;
+        const int32_t *corner = corners[faces[i]], *normal = normal_corners[faces[i]];
+        const double *p = positions[corner[0]], *q = positions[corner[1]], *r = positions[corner[2]];
+        double axis[3], plane[3];
+        for (int x = 0; x < 3; x++) {
+            const int y = (x + 1) % 3, z = (x + 2) % 3;
+            points[i][x] = (a * p[x] + b * q[x] + c * r[x] - center[x]) * scale;
+            axis[x] = a * normals[normal[0]][x] +
+                      (double)(barycentrics[i][0] * normals[normal[1]][x]) +
+                      (double)(barycentrics[i][1] * normals[normal[2]][x]);
+            plane[x] = ((q[y] - p[y]) * scale) * ((r[z] - p[z]) * scale) -
+                       ((q[z] - p[z]) * scale) * ((r[y] - p[y]) * scale);
+        }
+        const double to_axis = inverse_length(axis);
+        double to_plane = inverse_length(plane);
+        if (axis[0] * plane[0] + axis[1] * plane[1] + axis[2] * plane[2] < 0.0)
+            to_plane = -to_plane;
+        for (int x = 0; x < 3; x++) {
+            axes[i][x] = (float)(axis[x] * to_axis);
+            planes[i][x] = to_plane != 0.0 ? (float)(plane[x] * to_plane) : axes[i][x];
+        }
+    }
 }

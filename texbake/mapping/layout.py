@@ -3,7 +3,7 @@
 What is wrong stands out: mirrored faces are red, and the colors of overlapping faces mix. Seams are
 darker than the borders of the surface itself.
 
-Kernels: `core/scanline_coverage.c`.
+Kernel: `core/scanline_coverage.c`.
 """
 
 from __future__ import annotations

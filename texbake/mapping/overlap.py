@@ -6,7 +6,7 @@ more than a stack of two. The number of comparisons is bounded even in the worst
 hundred thousand slivers side by side along a diagonal; faces that were not compared with all others
 are reported.
 
-Kernels: `core/planar_overlap.c`.
+Kernel: `core/planar_overlap.c`.
 """
 
 from __future__ import annotations

@@ -274,7 +274,7 @@ def _error_limit(
 def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
     """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest.
 
-    Kernel: `core/hashed_edges.c`.
+    Kernel: `core/closed_surfaces.c`.
     """
     vertex_of, points = stream.vertices
     n_boundary: int = core.count_open_vertices(len(points), vertex_of, stream.faces)

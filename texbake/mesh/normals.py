@@ -11,7 +11,7 @@ Based on:
         takes the curvature of a face from the differences between the normals of its vertices;
         here only its trace is computed, which has a closed form.
 
-Kernels: `core/vertex_normals.c`, `core/mean_curvature.c`.
+Kernel: `core/vertex_normals.c`.
 """
 
 from __future__ import annotations

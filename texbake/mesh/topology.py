@@ -145,7 +145,7 @@ def wind_alike(
     `pairs`, `agree` (n,): faces that are neighbors, and whether the two are wound alike. Returns
     (F,) each. A part with one side, such as a Möbius strip, still has pairs that do not agree.
 
-    Kernel: `core/orientation.c`.
+    Kernel: `core/closed_surfaces.c`.
     """
     parts, flips = np.arange(n_faces), np.zeros(n_faces, dtype=np.bool_)
     core.join_orientations(parts, flips, *pairs, ~agree)
@@ -206,7 +206,7 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
     Returns `front` for a closed surface whose faces point outwards, `back` for one that is inside
     out, and `both` for one that is open or has neighbors that point to opposite sides.
 
-    Kernel: `core/hashed_edges.c`.
+    Kernel: `core/closed_surfaces.c`.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """A tree of boxes over triangles in the order of a Morton curve, for rays in bundles.
 
 This takes half the time of building a tree for single rays. A compact tree, for single rays, sorts
-the triangles once more. Kernels: `core/morton_tree.c`, `core/median_split.c`.
+the triangles once more. Kernel: `core/morton_tree.c`.
 """
 
 from __future__ import annotations

@@ -208,7 +208,7 @@ class RayScene:
     ) -> Float32Array:
         """Cast all rays of the hemispheres.
 
-        Kernel: `core/hemisphere_rays.c`.
+        Kernel: `core/single_rays.c`.
 
         `sets` (S, n_rays, 3) float32. Returns (n, N_COLUMNS) float32: the columns of
         `texbake.raycast.rays`, lengths in local units.

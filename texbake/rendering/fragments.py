@@ -9,7 +9,7 @@ on the surface, the values of the material's slots, the normal, and the outgoing
 one row per fragment, or a single row if all fragments share the value, so that constants cost
 nothing. Kernels read both with `row_of` of `core/fragment_values.h`.
 
-Kernels: `core/multisampling.c`, `core/perspective_weights.c`, `core/interpolation.c`.
+Kernels: `core/multisampling.c`, `core/interpolation.c`.
 """
 
 from __future__ import annotations

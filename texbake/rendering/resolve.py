@@ -9,7 +9,7 @@ samples estimate the error of light up to white, and exposure does not increase 
 
 Based on: Khronos Group, "Khronos PBR Neutral Tone Mapper", 2024, without its offset.
 
-Kernels: `core/compositing.c`, `core/exposure.c`.
+Kernel: `core/compositing.c`.
 """
 
 from __future__ import annotations

@@ -17,7 +17,7 @@ Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14; Heckbert, "Funda
 Mapping and Image Warping", 1989, for prefilter, reconstruction and resampling; Debevec, "Rendering
 Synthetic Objects into Real Scenes", 1998, for panoramas as light sources. Departs from the
 specification for directions that are zero or not finite: they belong to no face and give 0 in every
-channel. Kernels: `core/cube_lookup.c` and `core/latitude_longitude.c`.
+channel. Kernel: `core/cube_maps.c`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from texbake.parallel import run_bands
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
 from texbake.texture.lookup import require_image
 
-# As in `core/cube_lookup.c`.
+# As in `core/cube_maps.c`.
 CUBE_FILTER_CODES = {"nearest": 0, "bilinear": 1, "trilinear": 2}
 CUBE_FILTERS = tuple(CUBE_FILTER_CODES)
 

@@ -14,7 +14,7 @@ direction in world space reads the same texel. That table is left-handed: seen f
 right-handed world, every face is mirrored left to right (`CubeMap.from_views` converts camera
 images into faces). For the solid angle of a texel: Ström, "Solid angle of a cubemap texel", 2011.
 Each texel of a smaller level is the mean of the texels it covers, weighted by their solid angles,
-so that no level gains or loses energy. Kernel: `core/cube_levels.c`.
+so that no level gains or loses energy. Kernel: `core/cube_maps.c`.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ A volume is a stack of images: slice k holds the values at (s, t, r) for r from 
 (k + 1) / depth. Its rows run from top to bottom, as in any image, while t points up.
 
 Based on: the OpenGL 4.6 specification, section 8.14; Peachey, "Solid Texturing of Complex
-Surfaces", 1985, for volumes. Departs from the specification in the order of rows. Kernels:
-`core/bilinear_lookup.c`, `core/color_ramp.c` and `core/volume_lookup.c`.
+Surfaces", 1985, for volumes. Departs from the specification in the order of rows. Kernel:
+`core/texture_lookup.c`.
 """
 
 from __future__ import annotations

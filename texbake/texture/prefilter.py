@@ -16,7 +16,7 @@ The split-sum table departs from Karis in the masking and shadowing of microface
 Smith's, height-correlated, as in the BRDF of glTF 2.0 (Heitz, "Understanding the Masking-Shadowing
 Function in Microfacet-Based BRDFs", 2014), and in that only visible facets are sampled (Heitz,
 "Sampling the GGX Distribution of Visible Normals", 2018), so that the weight of a sample stays
-below 1 and few samples are enough. Kernel: `core/cube_lighting.c`.
+below 1 and few samples are enough. Kernel: `core/cube_maps.c`.
 """
 
 from __future__ import annotations

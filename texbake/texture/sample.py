@@ -3,20 +3,21 @@
 `trilinear`, `ewa` and `supersampled` need the derivatives of the coordinates, which give the area
 of the image that a pixel covers.
 
-============  ============================================  ====================================
-filter        reads                                         kernel
-============  ============================================  ====================================
-nearest       one texel of the finest level                 `core/bilinear_lookup.c`
-bilinear      four texels of the finest level               `core/mip_lookup.c`
-bicubic       sixteen texels of the finest level            `core/catmull_rom.c`
-trilinear     four texels of each of two levels             `core/mip_lookup.c`
-ewa           texels of two levels, within an ellipse       `core/elliptical_weighted_average.c`
-supersampled  256 bilinear lookups in the finest level      `core/supersampling.c`
-============  ============================================  ====================================
+============  =============================================
+filter        reads
+============  =============================================
+nearest       one texel of the finest level
+bilinear      four texels of the finest level
+bicubic       sixteen texels of the finest level
+trilinear     four texels of each of two levels
+ewa           texels of two levels, within an ellipse
+supersampled  256 bilinear lookups in the finest level
+============  =============================================
 
 Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail;
 Korobov, "The Approximate Computation of Multiple Integrals", 1959, for the lattice of supersamples.
-The kernels name the sources of the filters.
+The kernels, `core/texture_lookup.c` and `core/elliptical_weighted_average.c`, name the sources of
+the filters.
 """
 
 from __future__ import annotations

@@ -146,7 +146,7 @@ FOUR_SAMPLES = 0.05
 class TexelError:
     """Estimates errors, in bounds of the metric: above 1 is too far off.
 
-    Kernels: `core/second_differences.c`, `core/cell_differences.c`.
+    Kernel: `core/second_differences.c`.
     """
 
     cells: Cells  # the samples cast so far

@@ -6,8 +6,7 @@ floods reach are rooms: the inside of solid parts, or cavities. The surface betw
 solid is a closed and manifold mesh of quads.
 
 Based on: Jean Serra, "Image Analysis and Mathematical Morphology", Academic Press, 1982 (closing).
-Kernels: `core/grid_dilation.c`, `core/grid_flood.c`, `core/shell_signs.c`, `core/well_composed.c`,
-`core/surface_nets.c` and `core/folded_faces.c`.
+Kernels: `core/grid_flood.c`, `core/narrow_band.c`, `core/surface_nets.c` and `core/folded_faces.c`.
 """
 
 from __future__ import annotations
@@ -144,7 +143,7 @@ def _within(
 _SLOTS, _LAYERS, _QUADS = 256, 8, 1 << 16
 
 JUST_SOLID = -0.05
-"""Field of a point that is added to a solid, as in `core/well_composed.c`."""
+"""Field of a point that is added to a solid, as in `core/surface_nets.c`."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,7 @@ Based on: Perlin, "An Image Synthesizer", 1985; Perlin, "Improving Noise", 2002;
 Flood, "Fast Splittable Pseudorandom Number Generators", 2014 (SplitMix64); Apodaca and Gritz,
 "Advanced RenderMan", 2000, for the fading; Worley, "A Cellular Texture Basis Function", 1996.
 Departs from Perlin's of 2002 in the order of the hash, which is that of 1985 for both, and from
-Worley's in having one point per cell, which leaves no large gaps. Kernels:
-`core/gradient_noise.c`, `core/value_noise.c` and `core/worley_noise.c`.
+Worley's in having one point per cell, which leaves no large gaps. Kernel: `core/noise.c`.
 """
 
 from __future__ import annotations
@@ -255,7 +254,7 @@ def _as_values(samples: ProcedurePoints, parameters: dict[str, Any], *, absolute
     )  # fmt: skip
 
 
-# As in `core/worley_noise.c`.
+# As in `core/noise.c`.
 _FEATURE_CODES = {"f1": 0, "f2-f1": 1}
 
 # Number of points, in the first period, for the mean of a pattern; accurate to 0.3 %.

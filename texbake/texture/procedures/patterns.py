@@ -33,8 +33,8 @@ Based on: Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise)
 "Texturing and Modeling: A Procedural Approach", 3rd edition, 2003 (rings and grain); Upstill, "The
 RenderMan Companion", 1990 (granite from octaves of noise); Haley, "Estimation of the Dosage
 Mortality Relationship When the Dose Is Subject to Error", 1952 (1.702). Departs from Perlin in the
-factor a before the turbulence, without which (a = 1) veins are hardly bent. Kernels:
-`core/pulse_train.c` and `core/solid_patterns.c`.
+factor a before the turbulence, without which (a = 1) veins are hardly bent. Kernel:
+`core/patterns.c`.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def own_ramp(name: str, distribution: str) -> Ramp:
     return Ramp(stops, mean)
 
 
-# As in `core/pulse_train.h`.
+# As in `core/patterns.c`.
 HARD, SINE, RAMP = range(3)
 
 

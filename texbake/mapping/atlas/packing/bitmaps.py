@@ -111,7 +111,7 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
     Orientation `pose * turns + turn` is that quarter turn of that pose. `half_widths` are those of
     the grid.
 
-    Kernels: `core/chart_bitmaps.c`.
+    Kernel: `core/chart_bitmaps.c`.
     """
     n_charts, n_poses = bitmaps.starts.shape
     boxes = np.repeat(bitmaps.boxes, turns, axis=1).astype(np.int32)

@@ -1,22 +1,110 @@
-/* Marble, wood and granite: layers, rings and grains, bent by noise. The formulas are in
-   texbake/texture/procedures/patterns.py.
+/* Checkers and stripes, averaged over each pixel, and marble, wood and granite: layers, rings and
+   grains, bent by noise. The formulas are in texbake/texture/procedures/patterns.py.
 
-   Based on: Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise); Ebert et al.,
-   "Texturing and Modeling: A Procedural Approach", 3rd edition, 2003 (rings and grain); Upstill, "The
-   RenderMan Companion", 1990 (granite from octaves of noise); Haley, "Estimation of the Dosage
-   Mortality Relationship When the Dose Is Subject to Error", 1952 (1.702). Departs from Perlin in the
-   factor before the turbulence, without which veins are hardly bent.
+   Based on: Apodaca and Gritz, "Advanced RenderMan", 2000, chapter 11 (the filtered pulse train);
+   Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise); Ebert et al., "Texturing and
+   Modeling: A Procedural Approach", 3rd edition, 2003 (rings and grain); Upstill, "The RenderMan
+   Companion", 1990 (granite from octaves of noise); Haley, "Estimation of the Dosage Mortality
+   Relationship When the Dose Is Subject to Error", 1952 (1.702). Departs from Perlin in the factor
+   before the turbulence, without which veins are hardly bent.
 
    Called from texbake/texture/procedures/patterns.py. */
 
 #include <math.h>
+#include <stdint.h>
 
 #include "core.h"
 #include "elementary.h"
 #include "gradient_noise.h"
 #include "numbers.h"
 #include "procedure_points.h"
-#include "pulse_train.h"
+
+/* As in texbake/texture/procedures/patterns.py. */
+enum { PULSE_HARD, PULSE_SINE, PULSE_RAMP };
+
+static const double PULSE_PI = 3.141592653589793;
+
+static inline double pulse_at(int64_t pattern, double width, double t)
+{
+    if (pattern == PULSE_HARD)
+        return t < width ? 1.0 : 0.0;
+    if (t < width) {
+        t /= width;
+        return pattern == PULSE_SINE ? 0.5 + 0.5 * portable_sin(PULSE_PI * t) : t;
+    }
+    t = (1.0 - t) / (1.0 - width);
+    return pattern == PULSE_SINE ? 0.5 - 0.5 * portable_sin(PULSE_PI * t) : t;
+}
+
+/* Integral of a pattern from 0 to t, in [0, 1]. */
+static inline double pulse_integral(int64_t pattern, double width, double t)
+{
+    const double first = min_f64(t, width);
+    if (pattern == PULSE_HARD)
+        return first;
+    const double rest = max_f64(t - width, 0.0), other = 1.0 - width;
+    if (pattern == PULSE_SINE) {
+        const double above = width * (1.0 - portable_cos(PULSE_PI * first / width));
+        const double below = other * (1.0 - portable_cos(PULSE_PI * rest / other));
+        return 0.5 * t + 0.5 * (above - below) / PULSE_PI;
+    }
+    return 0.5 * first * first / width + rest - 0.5 * rest * rest / other;
+}
+
+/* Mean of a pattern over `phase` ± `span` / 2, in periods; its value where the span is 0. */
+static inline double pulse_mean(int64_t pattern, double width, double phase, double span)
+{
+    /* Points on a face that lies in an edge of a hard pattern, whose coordinates are rounded either
+       way, all count as just above the edge. */
+    if (pattern == PULSE_HARD)
+        phase += 0x1p-30;
+    /* Shorter intervals are points: within them no mean differs from the value by more than 2^-19, and
+       the difference of integrals would lose its last digits. */
+    if (!(span > 0x1p-20))
+        return pulse_at(pattern, width, phase - floor(phase));
+    double start = phase - 0.5 * span;
+    start -= floor(start);
+    const double end = start + span, periods = floor(end);
+    const double area = periods * pulse_integral(pattern, width, 1.0) +
+                        pulse_integral(pattern, width, end - periods);
+    return clamp_f64((area - pulse_integral(pattern, width, start)) / span, 0.0, 1.0);
+}
+
+/* A checker of unit squares or cubes. */
+EXPORT void fill_checker(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], float out[n][1], int64_t n_dimensions,
+    int64_t start, int64_t stop)
+{
+    const struct procedure_points given = {
+        points[0], widths ? widths[0] : NULL, n_coordinates, n_widths};
+    for (int64_t i = start; i < stop; i++) {
+        const struct point at = point_at(&given, i);
+        const double place[3] = {at.x, at.y, at.z};
+        double sign = 1.0;
+        for (int64_t axis = 0; axis < n_dimensions; axis++) {
+            /* A coordinate that points do not have is 0 all over the pixel. */
+            const double span = axis < n_coordinates ? width_along(&given, i, axis) : 0.0;
+            sign *= 2.0 * pulse_mean(PULSE_HARD, 0.5, 0.5 * place[axis], 0.5 * span) - 1.0;
+        }
+        out[i][0] = (float)(0.5 + 0.5 * sign);
+    }
+}
+
+/* Stripes across a direction, `width` of each period. */
+EXPORT void fill_stripes(
+    int64_t n, int64_t n_coordinates, int64_t n_widths, const double points[n][n_coordinates],
+    OPTIONAL const float widths[n][n_widths], const double direction[3], float out[n][1],
+    int64_t pattern, double width, int64_t start, int64_t stop)
+{
+    const struct procedure_points given = {
+        points[0], widths ? widths[0] : NULL, n_coordinates, n_widths};
+    for (int64_t i = start; i < stop; i++) {
+        const struct point at = point_at(&given, i);
+        const double along = direction[0] * at.x + direction[1] * at.y + direction[2] * at.z;
+        out[i][0] = (float)pulse_mean(pattern, width, along, span_along(&given, i, direction));
+    }
+}
 
 /* A ramp of colors, and the color that wide pixels show. */
 struct ramp {

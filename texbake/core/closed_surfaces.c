@@ -1,0 +1,207 @@
+/* Whether a surface is closed, its faces wound alike and its vertices not pinched.
+
+   Around a vertex of such a surface, each vertex that comes next in one face comes before in another,
+   and each edge is walked as often one way as the other. Sums of hashes compare the two lists, or the
+   two ways, with one chance of error in 2^64. The faces around a vertex form rings, since each leads
+   from its next corner to the one after; there must be one ring.
+
+   Based on: R. Tarjan, "Efficiency of a good but not linear set union algorithm", 1975 (windings).
+
+   Called from texbake/mesh/decimate.py and texbake/mesh/topology.py. */
+
+#include <string.h>
+
+#include "arena.h"
+#include "core.h"
+#include "numbers.h"
+
+#define GOLDEN 0x9E3779B97F4A7C15u
+
+/* Mix the bits of a number (the end of splitmix64 by Sebastiano Vigna). */
+static inline uint64_t mixed(uint64_t bits)
+{
+    bits = (bits ^ bits >> 30) * 0xBF58476D1CE4E5B9u;
+    bits = (bits ^ bits >> 27) * 0x94D049BB133111EBu;
+    return bits ^ bits >> 31;
+}
+
+static inline uint64_t hash_of(int32_t id)
+{
+    return mixed(((uint64_t)(uint32_t)id + 1) * GOLDEN);
+}
+
+/* Count vertices at which the surface is open or not consistently oriented; faces are rows of wedges. */
+EXPORT int64_t count_open_vertices(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    const int32_t faces[n_faces][3])
+{
+    OPEN_ARENA(arena);
+    uint64_t *sums = TAKE_ZEROS(arena, uint64_t, n_vertices);
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t a = vertex_of[faces[face][0]], b = vertex_of[faces[face][1]];
+        const int32_t c = vertex_of[faces[face][2]];
+        if (a == b || b == c || c == a)
+            continue;
+        sums[a] += hash_of(b) - hash_of(c);
+        sums[b] += hash_of(c) - hash_of(a);
+        sums[c] += hash_of(a) - hash_of(b);
+    }
+    int64_t n_open = 0;
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++)
+        n_open += sums[vertex] != 0;
+    close_arena(arena);
+    return n_open;
+}
+
+/* A key for the position of each vertex, so that vertices split at a seam count as one; 0.0 and
+   -0.0 are equal. */
+EXPORT void hash_positions(
+    int64_t n_vertices, const double positions[n_vertices][3], uint64_t keys[n_vertices],
+    int64_t start, int64_t stop)
+{
+    for (int64_t vertex = start; vertex < stop; vertex++) {
+        uint64_t key = GOLDEN;
+        for (int k = 0; k < 3; k++) {
+            const double x = positions[vertex][k] + 0.0;
+            uint64_t bits;
+            memcpy(&bits, &x, sizeof bits);
+            key = mixed(key + bits) + GOLDEN;
+        }
+        keys[vertex] = key;
+    }
+}
+
+static inline uint64_t edge(uint64_t from, uint64_t to)
+{
+    return mixed(from * 3 + to) - mixed(to * 3 + from);
+}
+
+/* Sum a hash of all edges of faces [start, stop), which is 0 for a closed surface, and six times
+   the volume between the faces and `origin`. */
+EXPORT void sum_sides(
+    int64_t n_vertices, int64_t n_faces, int64_t n_bands, const double positions[n_vertices][3],
+    const uint64_t keys[n_vertices], const int32_t faces[n_faces][3], const double origin[3],
+    int64_t band, uint64_t edges[n_bands], double volumes[n_bands], int64_t start, int64_t stop)
+{
+    uint64_t sum = 0;
+    double volume = 0.0;
+    for (int64_t face = start; face < stop; face++) {
+        const int32_t *corners = faces[face];
+        const uint64_t a = keys[corners[0]], b = keys[corners[1]], c = keys[corners[2]];
+        sum += edge(a, b) + edge(b, c) + edge(c, a);
+        double p[3][3];
+        for (int corner = 0; corner < 3; corner++) {
+            for (int k = 0; k < 3; k++)
+                p[corner][k] = positions[corners[corner]][k] - origin[k];
+        }
+        volume += p[0][0] * (p[1][1] * p[2][2] - p[1][2] * p[2][1])
+                  + p[0][1] * (p[1][2] * p[2][0] - p[1][0] * p[2][2])
+                  + p[0][2] * (p[1][0] * p[2][1] - p[1][1] * p[2][0]);
+    }
+    edges[band] = sum;
+    volumes[band] = volume;
+}
+
+/* List the corners (3 face + corner) of each vertex, in their order; `starts` has n_vertices + 1. */
+static void list_corners(
+    struct arena *arena, int64_t n_vertices, int64_t n_faces, const int32_t (*faces)[3],
+    int64_t *starts, int64_t *corners)
+{
+    for (int64_t face = 0; face < n_faces; face++)
+        for (int corner = 0; corner < 3; corner++)
+            starts[faces[face][corner] + 1]++;
+    int64_t *fill = TAKE(arena, int64_t, n_vertices);
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++) {
+        fill[vertex] = starts[vertex];
+        starts[vertex + 1] += starts[vertex];
+    }
+    for (int64_t face = 0; face < n_faces; face++)
+        for (int corner = 0; corner < 3; corner++)
+            corners[fill[faces[face][corner]]++] = 3 * face + corner;
+}
+
+/* Return 1 if some vertex has more than one fan of faces, else 0. */
+EXPORT int64_t has_pinched_vertex(
+    int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3])
+{
+    OPEN_ARENA(arena);
+    int64_t *starts = TAKE_ZEROS(arena, int64_t, n_vertices + 1);
+    int64_t *corners = TAKE(arena, int64_t, 3 * n_faces);
+    list_corners(arena, n_vertices, n_faces, faces, starts, corners);
+    int32_t *leads_to = TAKE_ZEROS(arena, int32_t, n_vertices);
+    int64_t is_pinched = 0;
+    for (int64_t vertex = 0; vertex < n_vertices && !is_pinched; vertex++) {
+        const int64_t n_around = starts[vertex + 1] - starts[vertex];
+        int32_t first = -1;
+        for (int64_t slot = starts[vertex]; slot < starts[vertex + 1]; slot++) {
+            const int64_t face = corners[slot] / 3, corner = corners[slot] % 3;
+            first = faces[face][(corner + 1) % 3];
+            leads_to[first] = faces[face][(corner + 2) % 3];
+        }
+        int32_t at = first;
+        int64_t n_steps = 0;
+        while (n_steps < n_around) {
+            at = leads_to[at];
+            n_steps++;
+            if (at == first)
+                break;
+        }
+        is_pinched = n_steps < n_around;
+    }
+    close_arena(arena);
+    return is_pinched;
+}
+
+/* A face's root, and whether the face is wound against it; `against` is flipped if so. */
+static int64_t root_of(
+    const int64_t *parents, const bool *flips, int64_t face, bool *against)
+{
+    while (parents[face] != face) {
+        *against ^= flips[face];
+        face = parents[face];
+    }
+    return face;
+}
+
+/* Let all faces from one up to its root lead there at once, so that no chain grows long. */
+static void shorten_chain(int64_t *parents, bool *flips, int64_t face, int64_t root)
+{
+    bool against = false;
+    root_of(parents, flips, face, &against);
+    while (parents[face] != root && parents[face] != face) {
+        const int64_t up = parents[face];
+        const bool step = flips[face];
+        parents[face] = root;
+        flips[face] = against;
+        against ^= step;
+        face = up;
+    }
+}
+
+/* Join neighbors, each with whether it is wound against its parent; the least is the root. `along`
+   says whether both of a pair run along their edge in the same direction. */
+EXPORT void join_orientations(
+    int64_t n, int64_t n_pairs, int64_t parents[n], bool flips[n], const int64_t one[n_pairs],
+    const int64_t other[n_pairs], const bool along[n_pairs])
+{
+    for (int64_t i = 0; i < n_pairs; i++) {
+        bool differ = along[i];
+        const int64_t a = root_of(parents, flips, one[i], &differ);
+        const int64_t b = root_of(parents, flips, other[i], &differ);
+        const int64_t root = min_i64(a, b), child = max_i64(a, b);
+        if (child != root) {
+            parents[child] = root;
+            flips[child] = differ;
+        }
+        shorten_chain(parents, flips, one[i], root);
+        shorten_chain(parents, flips, other[i], root);
+    }
+    for (int64_t face = 0; face < n; face++) {
+        /* Parents are lower than their children, and so already lead to the root. */
+        const int64_t up = parents[face];
+        if (parents[up] != up) {
+            flips[face] ^= flips[up];
+            parents[face] = parents[up];
+        }
+    }
+}
