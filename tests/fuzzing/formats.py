@@ -289,7 +289,7 @@ def _read_hits(path: Path) -> Any:
 
 
 _read_matrix = _by("texbake.mapping.classical.projector", "read_matrix")
-_SOURCES = "texbake.mesh.parametric.sources"
+_SURFACES = "texbake.mesh.parametric"
 FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "obj": (".obj", _mesh_seed, _read_mesh),
     "ply binary": (".ply", _mesh_seed, _read_mesh),
@@ -322,8 +322,8 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "jpeg": (".jpg", _image_seed(3, 8), _read_image),
     "scene": (".toml", _text_seed(SCENE), _read_scene),
     "matrix": (".txt", _text_seed(MATRIX), _read_matrix),
-    "profile": (".txt", _text_seed(PROFILE), _by(_SOURCES, "profile_of")),
-    "patches": (".txt", _text_seed(PATCHES), _by(_SOURCES, "patches_of")),
+    "profile": (".txt", _text_seed(PROFILE), _by(f"{_SURFACES}.revolution", "profile_of")),
+    "patches": (".txt", _text_seed(PATCHES), _by(f"{_SURFACES}.bezier", "patches_of")),
     "hits": (".npz", _hits_seed, _read_hits),
     "pipeline": (".toml", _text_seed(PIPELINE), _by("texbake.building.file", "read_pipeline")),
     "dae": (".dae", _trimesh_seed(), _read_mesh),

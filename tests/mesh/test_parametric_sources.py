@@ -5,7 +5,8 @@ import pytest
 
 from texbake import FileError, OptionError, make
 from texbake.errors import FileFormatError
-from texbake.mesh.parametric.sources import patches_of, profile_of
+from texbake.mesh.parametric.bezier import patches_of
+from texbake.mesh.parametric.revolution import profile_of
 
 
 @pytest.fixture

@@ -39,7 +39,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.parametric.bezier import make_bezier
+from texbake.mesh.parametric.bezier import make_bezier, patches_of
 from texbake.mesh.parametric.grid import (
     SurfaceGrid,
     circle_points,
@@ -56,8 +56,8 @@ from texbake.mesh.parametric.revolution import (
     make_revolution,
     make_sphere,
     make_torus,
+    profile_of,
 )
-from texbake.mesh.parametric.sources import patches_of, profile_of
 
 
 def make_cylindrical_range(

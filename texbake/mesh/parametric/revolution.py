@@ -4,6 +4,13 @@ All are closed vertex by vertex, face outwards, and have exact normals. A pole i
 whose normal in each face is the one at the middle u of the face: at the tip of a cone, the normal
 of its side; at the poles of a sphere, the axis.
 
+A profile file has a radius and a height per line, as in::
+
+    # radius height
+    0.0  0.0
+    0.8  0.1
+    1.0  0.9
+
 Outlines run upwards on the outside, so that u to the right and v along the outline make normals
 that point outwards.
 
@@ -12,6 +19,8 @@ Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, sectio
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,6 +28,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import FileFormatError, OptionError, TexbakeError
+from texbake.files import PathLike
+from texbake.mesh.files.source import parse_row, read_lines
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import (
     circle_points,
@@ -322,3 +334,40 @@ def _joined(outlines: list[Outline]) -> tuple[Outline, npt.NDArray[np.intp]]:
         np.concatenate([outline.v for outline in outlines]),
     )
     return joined, np.repeat(np.arange(len(outlines)), [len(outline.v) for outline in outlines])
+
+
+def profile_of(source: PathLike | npt.ArrayLike) -> FloatArray:
+    """(n, 2) float64 points of a profile, from a file or an array, with radii of 0 or more."""
+    points, error, name = numbers_of(source, "profile", _read_profile)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise error(f"{name}: an array of shape {points.shape} is not a profile; give (n, 2)")
+    if (points[:, 0] < 0.0).any():
+        raise error(f"{name}: a radius is negative")
+    if len(points) < 2 or (points == points[0]).all():
+        raise error(
+            f"{name}: it has fewer than two points that differ; a profile needs a radius and "
+            "height each"
+        )
+    if not points[:, 0].any():
+        raise error(f"{name}: it lies on the axis; a profile needs a point with a radius above 0")
+    return points
+
+
+def _read_profile(path: PathLike) -> FloatArray:
+    rows = [parse_row(path, line, 2, "a point") for line in read_lines(path, "a profile")]
+    return np.array(rows, dtype=np.float64).reshape(-1, 2)
+
+
+def numbers_of(
+    source: PathLike | npt.ArrayLike, name: str, read: Callable[[PathLike], FloatArray]
+) -> tuple[FloatArray, type[TexbakeError], PathLike]:
+    """Finite numbers of a file or an array, and the type and name for errors about them."""
+    if isinstance(source, (str, os.PathLike)):
+        return read(source), FileFormatError, source
+    try:
+        numbers = np.asarray(source, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"{name}: it is not an array of numbers") from error
+    if not np.isfinite(numbers).all():
+        raise OptionError(f"{name}: a point is not finite")
+    return numbers, OptionError, name
