@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 import texbake
-from texbake.errors import FileError, MeshError
+from texbake.errors import MeshError
 from texbake.mesh.interchange import as_mesh
-from texbake.mesh.shapes import cube, uv_sphere
+from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents
 
 
@@ -78,14 +78,6 @@ def test_a_broken_trimesh_is_one_error() -> None:
         as_mesh(trimesh.Trimesh(points, [[0, 1, 2]], process=False))
     with pytest.raises(MeshError, match="out of range"):
         as_mesh(trimesh.Trimesh(np.eye(3), [[0, 1, 7]], process=False))
-
-
-def test_a_path_is_read(tmp_path: Path) -> None:
-    path = tmp_path / "cube.obj"
-    texbake.write_mesh(cube(), path)
-    assert as_mesh(path).n_faces == as_mesh(str(path)).n_faces == 12
-    with pytest.raises(FileError):
-        as_mesh(tmp_path / "missing.obj")
 
 
 def test_public_functions_take_whatever_is_a_mesh(tmp_path: Path) -> None:

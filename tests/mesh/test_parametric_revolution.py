@@ -102,19 +102,6 @@ def test_faces_look_where_their_normals_do_and_are_not_mirrored(shape, options):
     assert areas_in_texture(mesh).min() > 0
 
 
-def test_counts_and_texture_are_those_of_the_grid():
-    mesh = make("sphere", resolution=(12, 7))
-    assert (mesh.n_faces, mesh.n_vertices) == (2 * 12 * 6, 12 * 6 + 2)
-    assert areas_in_texture(mesh).sum() == pytest.approx(1 - 1 / 7)  # fans cover half of their band
-    torus = make("torus", resolution=(12, 7))
-    assert (torus.n_faces, torus.n_vertices) == (2 * 12 * 7, 12 * 7)
-    assert areas_in_texture(torus).sum() == pytest.approx(1)
-    assert len(torus.uvs) == 13 * 8
-    open_cylinder = make("cylinder", resolution=(12, 7))
-    assert (open_cylinder.n_faces, open_cylinder.n_vertices) == (2 * 12 * 7, 12 * 8)
-    assert find_edges(open_cylinder.faces).boundary.sum() == 2 * 12
-
-
 @pytest.mark.parametrize("sides", [3, 4, 7])
 @pytest.mark.parametrize("resolution", [None, 5, (20, 3)])
 def test_prisms_and_pyramids_have_their_volumes_and_flat_sides(sides, resolution):

@@ -7,7 +7,7 @@ import pytest
 
 from tests.fbx_writer import scene, shape, written
 from texbake.checks.check import check
-from texbake.errors import MeshError, ReadWarning, TexbakeError
+from texbake.errors import MeshError, ReadWarning
 from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
@@ -92,16 +92,6 @@ def test_quadrilaterals_are_cut_along_the_shorter_diagonal_that_lies_inside():
         for first in range(4):
             one, other = cut(points, first=first).tolist()
             assert set(one) & set(other) == diagonal
-
-
-@pytest.mark.parametrize("n_points", [0, 1, 3])
-@pytest.mark.parametrize("suffix", ["off", "ply"])
-def test_polygons_of_vertices_that_are_not_there_are_refused(suffix, n_points, tmp_path):
-    path = tmp_path / f"a.{suffix}"
-    write = {"off": _off, "ply": _ply}[suffix]
-    path.write_text(write([(0, 0, 0)] * n_points, [[0, 1, 2, 3], [0, 7, -1, 2, 1]]))
-    with pytest.raises(TexbakeError):
-        read_mesh(path)
 
 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (0, 2, 1), (2, 0, 1)])

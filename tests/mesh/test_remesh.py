@@ -5,7 +5,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from tests.models import BROKEN, HAS_REAL, flipped, joined, model, moved, real
+from tests.models import BROKEN, flipped, joined, model, moved, real
 from texbake.core import core
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import surface_distance
@@ -137,18 +137,6 @@ def test_cavities_are_kept_on_request_and_filled_otherwise(name):
         unreported = wrapped(mesh, resolution=64)
     assert not measured.called
     assert unreported.positions.tobytes() == filled.positions.tobytes()
-
-
-@pytest.mark.parametrize(
-    "mesh",
-    [BALL, CYLINDER, joined(BOX, moved(BOX, by=(0.5, 0.3, 0.2))), holed(BALL, 6, 0.1), plane(3, 3)],
-    ids=["ball", "cylinder", "intersecting boxes", "torn ball", "plane"],
-)
-def test_without_cavities_there_is_nothing_to_keep(mesh):
-    plain = wrapped(mesh, surface="closed")
-    kept = wrapped(mesh, surface="closed", keep_interior=True)
-    assert plain.positions.tobytes() == kept.positions.tobytes()
-    assert plain.faces.tobytes() == kept.faces.tobytes()
 
 
 def test_a_cavity_of_a_torn_mesh_is_kept():
@@ -297,19 +285,6 @@ def test_wrong_options_and_meshes_are_refused():
 )  # fmt: skip
 def test_rough_and_broken_meshes_become_closed(name):
     assert wrapped(model(name), resolution=96).n_faces > 0
-
-
-@pytest.mark.parametrize("keep", [True, False])
-@pytest.mark.parametrize(
-    ("name", "n_cavities"), [("organs", 2), *(("broken/VH_M_Heart.glb", 4),) * HAS_REAL]
-)
-def test_cavities_told_are_those_in_the_result(name, n_cavities, keep):
-    options = RemeshOptions(resolution=128, keep_interior=keep)
-    result, report = remesh_with_report(model(name), options)
-    volumes = np.array(by_volume(result)) / report.voxel**3
-    n_expected = n_cavities if keep else 0
-    assert np.count_nonzero(volumes < 0.0) == report.n_cavities_kept == n_expected
-    assert np.abs(volumes).min() >= 1.0
 
 
 @pytest.mark.parametrize(("size", "n_crumbs"), [(0.2, 1), (4.0, 0)])

@@ -147,21 +147,6 @@ def test_open_surfaces_stay_sheets_with_their_boundary(name, resolution):
     assert nearest(points, old).max() < report.voxel
 
 
-@pytest.mark.parametrize(("size", "close_to"), [(0.002, 0.01), (0.005, 0.05), (0.015, 0.25)])
-def test_rough_sheets_keep_their_boundary_and_what_area_voxels_can_show(size, close_to):
-    """Rough from one vertex to the next, which are half a voxel apart."""
-    ticks = np.linspace(-1.0, 1.0, 193)
-    x, y = np.meshgrid(ticks, ticks, indexing="ij")
-    fine = 0.2 * np.sin(3 * x) + 0.1 * np.sin(7 * y - x) + rough(x, size)
-    mesh, sampled = heights(192, lambda x, y: fine), heights(96, lambda x, y: fine[::2, ::2])
-    result, report = remesh_with_report(mesh, RemeshOptions(resolution=96))
-    assert report.surface == "open" and figures(result) == (1, 1)
-    areas = [face_areas(one.positions, one.faces).sum() for one in (result, sampled)]
-    assert areas[0] == pytest.approx(areas[1], rel=close_to)
-    points = result.positions[np.unique(boundary(result).faces)]
-    assert nearest(points, boundary(mesh)).max() < report.voxel
-
-
 def nearest(points, mesh):
     return TriangleTree.build(mesh.positions, mesh.faces).closest_points(points)[0]
 

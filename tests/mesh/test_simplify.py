@@ -1,13 +1,12 @@
 """Simplified meshes: face counts, preserved attributes, and distances to the original."""
 
-import json
 import math
 
 import numpy as np
 import pytest
 
 from tests.mesh.test_shapes import open_edges, signed_volume
-from tests.models import BROKEN, HAS_REAL, level_surface, model, moved, real, soup_of
+from tests.models import BROKEN, HAS_REAL, joined, level_surface, model, moved, real, soup_of
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.decimate import bring_down, gather, weld_corners, weld_positions
@@ -355,15 +354,9 @@ def test_vertices_at_one_place_are_joined_and_repeated_faces_go(mesh, quality):
 
 @BOTH
 def test_where_parts_must_go_most_faces_are_left_to_the_large_ones(quality):
-    ball, crumb = icosphere(4), icosphere(1)
     places = np.random.default_rng(5).uniform(-2.0, 2.0, size=(200, 3))
-    mesh = Mesh(
-        positions=np.concatenate([ball.positions, *(0.01 * crumb.positions + p for p in places)]),
-        faces=np.concatenate(
-            [ball.faces]
-            + [crumb.faces + ball.n_vertices + crumb.n_vertices * i for i in range(200)]
-        ),
-    )
+    crumbs = (moved(icosphere(1), scale=0.01, by=place) for place in places)
+    mesh = joined(icosphere(4), *crumbs)
     low, report = simplify_with_report(mesh, 400, quality=quality)
     assert report.notes == ("small separate parts were dropped",)
     assert 396 <= low.n_faces <= 400
@@ -422,19 +415,14 @@ def test_objects_that_touch_stay_apart_with_their_names(quality, n_materials, n_
             np.abs([reach.min() - i + 0.5, reach.max() - i - 0.5]).max() < 1e-5
         )  # quadrics are solved approximately
     assert len(np.unique(face_objects(low))) == 3
-    joined = simplify(joined_objects(bricks), n_faces, quality=quality)
-    assert joined.n_vertices < low.n_vertices
+    as_one = simplify(joined_objects(bricks), n_faces, quality=quality)
+    assert as_one.n_vertices < low.n_vertices
 
 
 def test_fewer_faces_than_requested_are_explained():
     # The walls between small cubes: every edge has four faces, and none collapses.
-    cell = cube()
     places = np.stack(np.meshgrid(*3 * [np.arange(8.0)]), axis=-1).reshape(-1, 3)
-    size = np.ptp(cell.positions, axis=0)
-    mesh = Mesh(
-        positions=(cell.positions + size * places[:, None]).reshape(-1, 3),
-        faces=(cell.faces + cell.n_vertices * np.arange(512)[:, None, None]).reshape(-1, 3),
-    )
+    mesh = joined(*(moved(cube(), by=place) for place in places))
     low, report = simplify_with_report(mesh, 1000)
     assert 0 < low.n_faces < 990
     assert report.notes == (
@@ -453,13 +441,12 @@ def test_nothing_but_degenerate_faces_is_an_error(quality):
 
 def measured_anew(mesh, low):
     """Their distance at other and more points than `simplify` measured it at."""
-    return surface_distance(mesh, low, n_samples=300_000, seed=7).max
+    return surface_distance(mesh, low, n_samples=200_000, seed=7).max
 
 
 @BOTH
-@pytest.mark.parametrize("share", [0.004, 0.001])
-def test_an_error_is_a_distance_that_no_point_exceeds(share, quality):
-    mesh = orange(20_000)
+def test_an_error_is_a_distance_that_no_point_exceeds(quality):
+    mesh, share = orange(8_000), 0.004
     low, report = simplify_with_report(mesh, error=f"{100 * share}%", quality=quality)
     limit = share * mesh.diagonal
     assert report.error_asked == pytest.approx(limit)
@@ -473,7 +460,7 @@ def test_an_error_is_a_distance_that_no_point_exceeds(share, quality):
 
 
 def test_of_a_count_and_an_error_the_first_stops():
-    mesh = orange(20_000)
+    mesh = orange(8_000)
     by_count, report = simplify_with_report(mesh, 3_000, error="1%")
     assert report.reached
     assert_same(by_count, simplify(mesh, 3_000))
@@ -484,13 +471,6 @@ def test_of_a_count_and_an_error_the_first_stops():
     assert report.notes == (
         f"fewer than {by_error.n_faces} faces would lie further from it than allowed",
     )
-
-
-def test_an_error_in_model_units_grows_with_the_model():
-    mesh = orange(6_000)
-    large = mesh.replace(positions=1024.0 * mesh.positions)
-    near, far = simplify(mesh, error=0.01), simplify(large, error=10.24)
-    assert np.array_equal(near.faces, far.faces)
 
 
 def test_an_error_gives_up_neither_seams_nor_parts():
@@ -511,14 +491,6 @@ def test_crossing_parts_stay_within_an_error(name, quality):
     low, _ = simplify_with_report(mesh, error="0.5%", quality=quality)
     assert low.n_faces < mesh.n_faces
     assert measured_anew(mesh, low) <= 1.01 * 0.005 * mesh.diagonal
-
-
-def test_report_is_plain_data():
-    _, report = simplify_with_report(icosphere(3), 100)
-    values = json.loads(json.dumps(report.to_json()))
-    assert values["n_faces"] == 100
-    assert values["reached"] is True
-    assert values["distance"]["rms_relative"] == report.distance.rms_relative
 
 
 @BOTH
@@ -551,7 +523,7 @@ def test_best_beats_fast(name, n_faces):
 @BOTH
 @pytest.mark.parametrize("target", [{"n_faces": 400}, {"error": "0.3%"}], ids=["count", "error"])
 def test_threads_change_nothing(quality, target):
-    mesh = orange(20_000)
+    mesh = orange(5_000)
     one, three = (simplify(mesh, **target, quality=quality, threads=n) for n in (1, 3))
     assert_same(one, three)
 
@@ -653,14 +625,3 @@ def test_no_more_tries_where_fewer_are_not_possible():
 
     assert search_fewest(attempt, 0.5, 4, 5_000, 1_000) <= 300
     assert sum(n < 290 for n in tried) == 1
-
-
-def test_the_least_count_is_tried_first_and_is_enough():
-    tried = []
-
-    def attempt(n):
-        tried.append(n)
-        return Trial(n, 1.0 / n)
-
-    assert search_fewest(attempt, 0.1, 50, 5_000, 50) == 50
-    assert tried == [50]

@@ -199,15 +199,6 @@ class TestDegenerate:
         )
         assert (corner_tangents(mesh) == [1, 0, 0, 1]).all()
 
-    def test_many_faces_on_one_edge_take_linear_time(self):
-        n = 60_000  # all pairs of them would be 1.8e9
-        apexes = np.stack([np.arange(n) / n, np.ones(n), np.zeros(n)], axis=1)
-        positions = np.concatenate([[[0, 0, 0], [1, 0, 0]], apexes])
-        faces = np.stack([np.zeros(n), np.ones(n), 2 + np.arange(n)], axis=1).astype(np.int32)
-        uvs = positions[:, :2]
-        tangents = corner_tangents(Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=faces))
-        assert np.abs(tangents - [1, 0, 0, 1]).max() < ROUNDING
-
 
 def test_no_texture_coordinates():
     with pytest.raises(UvError, match="no texture coordinates"):

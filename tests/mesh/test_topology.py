@@ -1,3 +1,5 @@
+"""Edges, components and sides of surfaces, against counting one by one; rows that are equal."""
+
 from collections import Counter
 
 import numpy as np
@@ -17,6 +19,7 @@ from texbake.mesh.topology import (
     genus,
     surface_side,
 )
+from texbake.mesh.weld import weld_rows
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]], dtype=np.int32)
 
@@ -141,3 +144,46 @@ def test_the_side_of_many_faces_does_not_depend_on_threads():
 def test_a_sheet_with_two_sides_is_closed():
     positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     assert surface_side(Mesh(positions=positions, faces=[[0, 1, 2], [2, 1, 0]])) == "front"
+
+
+# Rows that are equal, bit for bit.
+
+
+def firsts_by_dictionary(rows):
+    seen = {}
+    return [seen.setdefault(tuple(row), index) for index, row in enumerate(rows.tolist())]
+
+
+@given(
+    hnp.arrays(
+        np.float64,
+        st.tuples(st.integers(1, 60), st.just(3)),
+        elements=st.sampled_from([0.0, -0.0, 1.0, 1e-300, 0.1]),
+    )
+)
+def test_first_equal_row_as_a_dictionary_finds_it(rows):
+    assert weld_rows(rows).tolist() == firsts_by_dictionary(rows)
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32])
+def test_many_rows_with_any_number_of_threads(dtype):
+    rows = np.random.default_rng(1).integers(-30, 30, (50_000, 3)).astype(dtype)
+    firsts = weld_rows(rows, threads=1)
+    assert firsts.tolist() == firsts_by_dictionary(rows)
+    assert weld_rows(rows, threads=3).tobytes() == firsts.tobytes()
+
+
+def test_neighboring_floats_stay_apart():
+    rows = np.array([[1.0], [np.nextafter(1.0, 2.0)], [1.0]])
+    assert weld_rows(rows).tolist() == [0, 1, 0]
+
+
+def test_rows_are_left_as_they_are():
+    rows = np.array([[-0.0, 1.0], [0.0, 1.0]])
+    rows.flags.writeable = False
+    assert weld_rows(rows).tolist() == [0, 0]
+    assert np.signbit(rows[0, 0])
+
+
+def test_all_rows_equal():
+    assert not weld_rows(np.zeros((20_000, 3))).any()

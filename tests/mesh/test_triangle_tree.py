@@ -44,7 +44,7 @@ def test_distance_to_a_cube_has_a_closed_form():
     assert np.abs(barycentrics.sum(axis=1) - 1.0).max() < ROUNDING
 
 
-@pytest.mark.parametrize("n_faces", [1, 5, 9, 300])
+@pytest.mark.parametrize("n_faces", [1, 5, 64])
 @pytest.mark.parametrize("has_directions", [False, True])
 def test_any_triangles_agree_with_brute_force(n_faces, has_directions):
     """With directions, only triangles that face them count."""
@@ -81,7 +81,7 @@ def test_degenerate_triangles_are_their_points_and_edges(corners, p):
     assert np.linalg.norm(weights @ corners - p) == pytest.approx(distance, abs=1e-15)
 
 
-@pytest.mark.parametrize("height", [1e-3, 1e-6, 1e-9, 1e-12, 1e-13, 1e-14, 1e-15, 0.0])
+@pytest.mark.parametrize("height", [1e-3, 1e-9, 1e-13, 1e-15, 0.0])
 def test_needles_are_as_exact_as_other_triangles(height):
     rng = np.random.default_rng(1)
     for _ in range(50):
@@ -126,36 +126,3 @@ def test_answers_do_not_depend_on_threads_order_or_place():
     far = np.array([1e6, -2e6, 3e6])
     moved = TriangleTree.build(mesh.positions + far, mesh.faces).closest_points(points[:200] + far)
     assert np.abs(moved[0] - one[0][:200]).max() < 1e-8  # 2^-53 of 3e6, a few times
-
-
-def depth_of(tree):
-    """Number of nodes from the root to the deepest leaf."""
-    depth, level = 0, np.array([0])
-    while len(level):
-        depth += 1
-        firsts = tree.nodes[level, 0][tree.nodes[level, 1] == 0]
-        level = np.concatenate([firsts, firsts + 1])
-    return depth
-
-
-def test_thousands_of_triangles_in_one_cell_are_a_tree_of_bounded_depth():
-    n = 5000
-    corners = np.tile([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], (n, 1))
-    corners[:, 2] = np.repeat(np.arange(n) * 2.0**-38, 3)  # too far apart for copies
-    tree = TriangleTree.build(corners, np.arange(3 * n).reshape(-1, 3))
-    assert np.array_equal(np.sort(tree.order), np.arange(n))
-    assert depth_of(tree) <= 12  # halves of 5000 have 4 triangles or fewer after 11 splits
-    assert tree.closest_points([[0.2, 0.2, 2.0]])[0] == 2.0 - (n - 1) * 2.0**-38
-
-
-def test_only_the_first_of_thousands_of_copies_is_in_a_tree():
-    n = 5000
-    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [5.0, 5.0, 5.0]])
-    faces = np.concatenate([[[1, 2, 3]], np.tile([[0, 1, 2]], (n, 1)), [[0, 2, 1], [3, 3, 3]]])
-    tree = TriangleTree.build(corners, faces)
-    # The turned one stays: it faces the other way.
-    assert np.array_equal(np.sort(tree.order), [0, 1, n + 1, n + 2])
-    points = np.array([[0.2, 0.2, 2.0], [0.2, 0.2, -2.0]])
-    distances, face_ids, _ = tree.closest_points(points, facing=points * [0.0, 0.0, 1.0])
-    assert distances.tolist() == [2.0, 2.0]
-    assert face_ids.tolist() == [1, n + 1]

@@ -66,12 +66,6 @@ def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAU
     """Return a mesh with other normals.
 
     `angle`: in degrees, between the normals of faces; above it an edge is hard.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import cube
-    >>> [len(with_normals(cube(), "angle", angle=angle).normals) for angle in (60, 120)]
-    [24, 8]
     """
     mesh = as_mesh(mesh)
     if normals not in NORMALS:

@@ -38,11 +38,6 @@ def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     """Unit normal of each face, on the side from which it is seen counter-clockwise.
 
     Returns (F, 3) float64.
-
-    Examples
-    --------
-    >>> face_normals(Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]]))
-    array([[0., 0., 1.]])
     """
     normals = np.empty((mesh.n_faces, 3))
     # A vertex that no face uses may lie anywhere.
@@ -219,14 +214,7 @@ def fill_canceled(
 def vertex_curvatures(
     mesh: MeshLike, *, normals: FloatArray | None = None, threads: int | None = None
 ) -> FloatArray:
-    """Mean curvature at each vertex, in units of one over the model unit.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import plane
-    >>> vertex_curvatures(plane(3, 3)).max()
-    np.float64(0.0)
-    """
+    """Mean curvature at each vertex, in units of one over the model unit."""
     mesh = as_mesh(mesh)
     if normals is None:
         normals = smooth_normals(mesh, threads=threads)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Final, Literal, get_args
+from typing import Annotated, Final
 
 from texbake.errors import OptionError, quoted
 from texbake.schema import CheckedOptions, Option, option, option_of
 
-ORIENTATIONS: Final = ("auto", "keep")
 DEFAULT_ORIENTATION: Final = "auto"
 
 ORIENTATION_OPTION = Option(
     "Flip parts of the high-poly mesh that face inwards (auto), or leave all as they are (keep).",
-    choices=ORIENTATIONS,
+    choices=("auto", "keep"),
 )
 
 JOIN_OBJECTS_OPTION = Option(
@@ -154,19 +153,9 @@ def length_of(name: str, what: str, value: str | float, diagonal: float) -> floa
     return 0.01 * number * diagonal if word.endswith("%") else number
 
 
-Quality = Literal["fast", "best"]
-
-QUALITIES: Final[tuple[Quality, ...]] = get_args(Quality)
-DEFAULT_QUALITY: Final[Quality] = "fast"
-Seams = Literal["auto", "keep", "drop"]
-
-SEAMS: Final[tuple[Seams, ...]] = get_args(Seams)
-DEFAULT_SEAMS: Final[Seams] = "auto"
-
-Topology = Literal["keep", "simplify"]
-
-TOPOLOGIES: Final[tuple[Topology, ...]] = get_args(Topology)
-DEFAULT_TOPOLOGY: Final[Topology] = "keep"
+QUALITIES: Final = ("fast", "best")
+DEFAULT_QUALITY: Final = "fast"
+DEFAULT_SEAMS: Final = "auto"
 
 MIN_FACES: Final = 4
 """The faces of a tetrahedron: fewer enclose nothing."""
@@ -216,14 +205,14 @@ class SimplifyOptions(CheckedOptions):
         "with them (auto), keep them and more triangles if need be (keep), or leave texture "
         "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "
         "then makes new charts.",
-        choices=SEAMS,
+        choices=("auto", "keep", "drop"),
     )
     topology: str = option(
-        DEFAULT_TOPOLOGY,
+        "keep",
         "If holes, tunnels and parts need more triangles than requested, stop with an error "
         "(keep), or close them with a surface around the mesh, without texture coordinates "
         "(simplify).",
-        choices=TOPOLOGIES,
+        choices=("keep", "simplify"),
     )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
@@ -242,13 +231,12 @@ MAX_RESOLUTION: Final = 1024
 ALL, LARGEST = "all", "largest"
 AUTO, CLOSED, OPEN = "auto", "closed", "open"
 
-REMESH_CHOICES: Final = ("auto", "always", "never")
 DEFAULT_REMESH: Final = "auto"
 
 REMESH_OPTION = Option(
     "Make the low-poly mesh from a closed surface around the high-poly mesh: always, never, or "
     "where that has an inside or is torn, and is not an open surface (auto).",
-    choices=REMESH_CHOICES,
+    choices=("auto", "always", "never"),
 )
 
 
@@ -311,13 +299,7 @@ class RemeshOptions(CheckedOptions):
             raise OptionError("keep_interior: an open surface has no interior; leave it out")
 
     def gap(self, diagonal: float) -> float:
-        """Return the width of the gaps to close, in the units of the diagonal.
-
-        Examples
-        --------
-        >>> RemeshOptions(close="2%").gap(50.0)
-        1.0
-        """
+        """Return the width of the gaps to close, in the units of the diagonal."""
         return length_of("close", "a width", self.close, diagonal)
 
     @property

@@ -68,12 +68,6 @@ def find_edges(faces: IntArray) -> MeshEdges:
     """Edges of triangles.
 
     `faces` (F, 3) int32.
-
-    Examples
-    --------
-    >>> edges = find_edges(np.array([[0, 1, 2], [2, 1, 3]]))
-    >>> edges.vertices[~edges.boundary].tolist()
-    [[1, 2]]
     """
     faces = faces[~repeated_vertices(faces)]
     # One integer an edge: 31 bits of each index, then whether it is walked upwards.
@@ -207,12 +201,6 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
     out, and `both` for one that is open or has neighbors that point to opposite sides.
 
     Kernel: `core/closed_surfaces.c`.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import cube, plane
-    >>> surface_side(cube()), surface_side(plane())
-    ('front', 'both')
     """
     keys = np.empty(mesh.n_vertices, np.uint64)
     hash_positions = partial(core.hash_positions, mesh.positions, keys)

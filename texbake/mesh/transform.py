@@ -95,14 +95,7 @@ Indices = npt.NDArray[np.int64]
 
 
 def subdivide(mesh: MeshLike, levels: int = 1) -> Mesh:
-    """Subdivide a mesh after Catmull and Clark.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import cube
-    >>> subdivide(cube()).n_polygons
-    36
-    """
+    """Subdivide a mesh after Catmull and Clark."""
     mesh = as_mesh(mesh)
     if not 0 <= levels <= MOST_SUBDIVISIONS:
         raise OptionError(f"subdivide: {levels} is not a number from 0 to {MOST_SUBDIVISIONS}")

@@ -187,14 +187,6 @@ def circle_points(n_points: int) -> FloatArray:
     """Cosine and sine of k / n of a turn, for k from 0 to n - 1.
 
     Returns (n, 2) float64: each coordinate within one unit in its last place, and never -0.
-
-    Examples
-    --------
-    >>> circle_points(4)
-    array([[ 1.,  0.],
-           [ 0.,  1.],
-           [-1.,  0.],
-           [ 0., -1.]])
     """
     eighths = 8 * np.arange(n_points, dtype=np.int64)
     octants, rests = eighths // n_points, eighths % n_points

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any
+from typing import Any
 
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, Option
+from texbake.schema import CheckedOptions, Option, option
 
 # Making this many takes about 6 GB: 4 million triangles of patches were measured to take 1.2 GB.
 MAX_TRIANGLES = 20_000_000
@@ -42,8 +42,8 @@ _LEAST_RESOLUTIONS = {
 }
 
 
-def _option(name: str, text: str, **more: Any) -> Option:
-    """Return an option whose default names shapes, such as `1 (sphere, torus), 2 (plane)`."""
+def _option(name: str, text: str, **more: Any) -> Any:
+    """Declare an option whose default names shapes, such as `1 (sphere, torus), 2 (plane)`."""
     readers: dict[str, list[str]] = {}
     for shape, defaults in SHAPE_DEFAULTS.items():
         if name in defaults:
@@ -54,12 +54,16 @@ def _option(name: str, text: str, **more: Any) -> Option:
                 shown = f"{default:g}" if default else "none"
             readers.setdefault(shown, []).append(shape)
     by_shape = ", ".join(f"{shown} ({', '.join(shapes)})" for shown, shapes in readers.items())
-    return Option(text, **{"default": by_shape, **more})
+    return option(None, text, **{"default": by_shape, **more})
 
 
-def _length(name: str, text: str, **more: Any) -> Option:
+def _length(name: str, text: str, **more: Any) -> Any:
     metavar = {"radius": "R", "minor_radius": "R", "height": "H", "width": "W"}.get(name, "D")
     return _option(name, text, metavar=metavar, above=0, unit="model units", **more)
+
+
+def _file(text: str) -> dict[str, Option]:
+    return {"option": Option(text, metavar="FILE")}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,104 +80,77 @@ class MakeOptions(CheckedOptions):
     control points, and `image` is an array of heights, row 0 at the top.
     """
 
-    resolution: Annotated[
-        int | tuple[int, int] | None,
-        _option(
-            "resolution",
-            "Number of squares along u and v, each of two triangles.",
-            metavar="N|NUxNV",
-            low=1,
-        ),
-    ] = None
-    radius: Annotated[
-        float | None,
-        _length(
-            "radius",
-            "Radius of the shape, for a torus or a Möbius strip of its center line, for a "
-            "cylindrical range image that of white.",
-        ),
-    ] = None
-    height: Annotated[
-        float | None,
-        _length("height", "Height of the shape; for a height field, the height of white."),
-    ] = None
-    width: Annotated[
-        float | None, _length("width", "Width of the shape, for a Möbius strip across it.")
-    ] = None
-    minor_radius: Annotated[
-        float | None, _length("minor_radius", "Radius of the tube of a torus.")
-    ] = None
-    sides: Annotated[
-        int | None,
-        _option(
-            "sides",
-            "Number of flat sides in place of a round one, for a prism or a pyramid.",
-            metavar="N",
-            low=3,
-        ),
-    ] = None
-    caps: Annotated[bool | None, _option("caps", "Close the shape with flat ends.")] = None
-    twists: Annotated[
-        int | None, _option("twists", "Number of half turns of the strip.", metavar="N")
-    ] = None
-    turns: Annotated[
-        float | None,
-        _option(
-            "turns",
-            "Fraction of a full turn by which the profile is swept.",
-            metavar="T",
-            above=0,
-            high=1,
-        ),
-    ] = None
-    crease: Annotated[
-        float | None,
-        _option(
-            "crease",
-            "Smallest angle at which an edge of the profile is hard.",
-            metavar="DEG",
-            low=0,
-            high=90,
-            unit="degrees",
-        ),
-    ] = None
-    distance: Annotated[float | None, _length("distance", "Depth of white in a depth image.")] = (
-        None
+    resolution: int | tuple[int, int] | None = _option(
+        "resolution",
+        "Number of squares along u and v, each of two triangles.",
+        metavar="N|NUxNV",
+        low=1,
     )
-    fov: Annotated[
-        float | None,
-        _option(
-            "fov",
-            "Vertical field of view of a depth image.",
-            metavar="DEG",
-            above=0,
-            below=180,
-            unit="degrees",
-        ),
-    ] = None
-    max_step: Annotated[
-        float | None,
-        _length(
-            "max_step",
-            "Greatest step in depth within a triangle of a range image; holes stay where it is "
-            "larger.",
-            default="any",
-        ),
-    ] = None
-    profile: Annotated[
-        Any, Option("File with a radius and a height per line, for a revolution.", metavar="FILE")
-    ] = field(default=None, compare=False)
-    patches: Annotated[
-        Any, Option("File with control points, 16 per patch, for Bézier patches.", metavar="FILE")
-    ] = field(default=None, compare=False)
-    image: Annotated[
-        Any,
-        Option(
+    radius: float | None = _length(
+        "radius",
+        "Radius of the shape, for a torus or a Möbius strip of its center line, for a cylindrical "
+        "range image that of white.",
+    )
+    height: float | None = _length(
+        "height", "Height of the shape; for a height field, the height of white."
+    )
+    width: float | None = _length("width", "Width of the shape, for a Möbius strip across it.")
+    minor_radius: float | None = _length("minor_radius", "Radius of the tube of a torus.")
+    sides: int | None = _option(
+        "sides",
+        "Number of flat sides in place of a round one, for a prism or a pyramid.",
+        metavar="N",
+        low=3,
+    )
+    caps: bool | None = _option("caps", "Close the shape with flat ends.")
+    twists: int | None = _option("twists", "Number of half turns of the strip.", metavar="N")
+    turns: float | None = _option(
+        "turns",
+        "Fraction of a full turn by which the profile is swept.",
+        metavar="T",
+        above=0,
+        high=1,
+    )
+    crease: float | None = _option(
+        "crease",
+        "Smallest angle at which an edge of the profile is hard.",
+        metavar="DEG",
+        low=0,
+        high=90,
+        unit="degrees",
+    )
+    distance: float | None = _length("distance", "Depth of white in a depth image.")
+    fov: float | None = _option(
+        "fov",
+        "Vertical field of view of a depth image.",
+        metavar="DEG",
+        above=0,
+        below=180,
+        unit="degrees",
+    )
+    max_step: float | None = _length(
+        "max_step",
+        "Greatest step in depth within a triangle of a range image; holes stay where it is larger.",
+        default="any",
+    )
+    profile: Any = field(
+        default=None,
+        compare=False,
+        metadata=_file("File with a radius and a height per line, for a revolution."),
+    )
+    patches: Any = field(
+        default=None,
+        compare=False,
+        metadata=_file("File with control points, 16 per patch, for Bézier patches."),
+    )
+    image: Any = field(
+        default=None,
+        compare=False,
+        metadata=_file(
             "Image of heights from black to white, for a height field, or of distances, for a "
-            "range image.",
-            metavar="FILE",
+            "range image."
         ),
-    ] = field(default=None, compare=False)
+    )
 
     def settings(self, shape: str) -> dict[str, Any]:
         """Options that a shape reads, with its defaults filled in; `resolution` as two numbers.
@@ -187,9 +164,9 @@ class MakeOptions(CheckedOptions):
         if shape not in SHAPE_DEFAULTS:
             raise OptionError(f"shape: {shape} is not one of {', '.join(SHAPES)}")
         defaults = SHAPE_DEFAULTS[shape]
-        for option in fields(self):
-            if option.name not in defaults and getattr(self, option.name) is not None:
-                raise OptionError(f"{option.name}: the shape {shape} does not use it")
+        for item in fields(self):
+            if item.name not in defaults and getattr(self, item.name) is not None:
+                raise OptionError(f"{item.name}: the shape {shape} does not use it")
         if shape in _SOURCES and getattr(self, _SOURCES[shape]) is None:
             raise OptionError(f"{_SOURCES[shape]}: the shape {shape} needs it")
         settings = {
