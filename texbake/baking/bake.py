@@ -26,7 +26,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import ProgressSink, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
-from texbake.sampling.rounds import BudgetClock, with_actual_time
+from texbake.sampling.rounds import BudgetClock, TimeBudget, with_actual_time
 
 
 def bake(
@@ -147,6 +147,7 @@ class BakeRun(BakeSetup):
     # Collects the distances between the surfaces.
     distances: DistanceSummary = field(default_factory=DistanceSummary)
     clock: BudgetClock = field(default_factory=BudgetClock)
+    orientation: OrientationReport | None = None  # what was flipped of the high-poly mesh
 
     def run(self) -> BakeResult:
         """Return the maps and the report, with the high-poly mesh facing outwards."""
@@ -156,18 +157,28 @@ class BakeRun(BakeSetup):
         stacked = StackedIslands.of(inputs.low, inputs.options.bake_island)
         if stacked.n_sharing:
             inputs = inputs.with_low(stacked.baked(inputs.low))
-        run, orientation = replace(self, inputs=inputs), None
+        run = replace(self, inputs=inputs)
         if self.scenes is None:
             inputs, scenes, orientation = face_outwards(inputs, run.build_scenes(), self.stages)
-            run = replace(run, inputs=inputs, scenes=scenes)
-        return _with_sharing(run._cast(), stacked, orientation)
+            run = replace(run, inputs=inputs, scenes=scenes, orientation=orientation)
+        return run._cast(stacked)
 
-    def _cast(self) -> BakeResult:
+    def _cast(self, stacked: StackedIslands) -> BakeResult:
         """Cast all rays, and make maps of the hits."""
         options, trace = self.inputs.options, Trace(self)
         sums = TexelSums(self.kinds, self.inputs)
         if options.is_adaptive or options.time_budget is not None:
-            return self._cast_adaptively(sums, trace)
+            from texbake.baking.adaptive_texels.samples import cast_adaptively
+
+            sampling, budget = cast_adaptively(sums, trace, self.distances, self.clock)
+            if budget is None:
+                return self._result(sums, trace, stacked, sampling=sampling)
+            # The options without a time budget that give the same maps.
+            options = replace(
+                options, time_budget=None, samples=ADAPTIVE, max_error=budget.max_error
+            )
+            reached = replace(self, inputs=self.inputs.with_options(options))
+            return reached._result(sums, trace, stacked, sampling=sampling, budget=budget)
         kept: list[Hits] = []
         for hits in trace.hits():
             with self.stages.part("make maps"):
@@ -175,48 +186,33 @@ class BakeRun(BakeSetup):
                 self.distances.add(hits, threads=options.threads)
             if options.keep_hits:
                 kept.append(hits)
-        return self._result(sums, trace, hits=Hits.joined(kept) if kept else None)
-
-    def _cast_adaptively(self, sums: TexelSums, trace: Trace) -> BakeResult:
-        from texbake.baking.adaptive_texels.samples import cast_adaptively
-
-        inputs = self.inputs
-        sampling, budget = cast_adaptively(sums, trace, self.distances, self.clock)
-        if budget is None:
-            return self._result(sums, trace, sampling=sampling)
-        # The options without a time budget that give the same maps.
-        options = replace(
-            inputs.options, time_budget=None, samples=ADAPTIVE, max_error=budget.max_error
-        )
-        reached = replace(self, inputs=inputs.with_options(options))
-        result = reached._result(sums, trace, sampling=sampling)
-        report = replace(result.report, budget=with_actual_time(budget, self.clock))
-        return replace(result, report=report)
+        return self._result(sums, trace, stacked, hits=Hits.joined(kept) if kept else None)
 
     def _result(
         self,
         sums: TexelSums,
         trace: Trace,
+        stacked: StackedIslands,
         *,
         hits: Hits | None = None,
         sampling: SamplingReport | None = None,
+        budget: TimeBudget | None = None,
     ) -> BakeResult:
         """Pad the maps, and report on them and on the trace."""
-        inputs, options = self.inputs, self.inputs.options
+        inputs, options, counts = self.inputs, self.inputs.options, trace.counts
         has_data = (sums.n_hits > 0).reshape(options.height_px, options.width_px)
         n_covered = int(np.count_nonzero(trace.texel_faces != NO_FACE))
         n_missed = n_covered - int(np.count_nonzero(has_data))
-        if n_covered == 0:
-            raise UvError(
-                f"{inputs.low.name}: its texture coordinates cover no texel of a "
-                f"{options.width_px} x {options.height_px} map; use a larger `size` or new "
-                "coordinates"
-            )
         _check_misses(n_missed, n_covered, inputs)
         # Overlaps are counted among the first samples alone.
         samples_per_texel = 1 if options.is_adaptive else options.samples_per_side**2
         charts = inputs.texel_charts(trace.texel_faces)
         maps, meets = finished_maps(self.kinds, sums.means, charts, has_data, inputs, self.stages)
+        # Faces that share the texels of others have no area in the texture on purpose.
+        n_sharing = int(stacked.shares.sum())
+        counts.faces_without_uv_area -= n_sharing
+        counts.islands_sharing = stacked.n_sharing
+        n_unseen = int(unseen_faces(inputs.low.n_faces, trace.texel_faces).sum())
         report = BakeReport(
             high=inputs.source.name,
             low=inputs.low.name,
@@ -231,40 +227,30 @@ class BakeRun(BakeSetup):
             texels=options.width_px * options.height_px,
             texels_covered=n_covered,
             texels_missed=n_missed,
-            texels_overlapping=trace.counts.samples_overlapping / samples_per_texel,
-            faces_without_texel=int(unseen_faces(inputs.low.n_faces, trace.texel_faces).sum()),
+            texels_overlapping=counts.samples_overlapping / samples_per_texel,
+            faces_without_texel=n_unseen - n_sharing,
             padding_meets=meets,
-            counts=trace.counts,
+            counts=counts,
             distance_percentiles=self.distances.percentiles(),
             stages=self.stages.records,
             versions=library_versions(),
+            orientation=self.orientation,
             sampling=sampling,
+            budget=None if budget is None else with_actual_time(budget, self.clock),
             median_reach=trace.median_reach,
         )
         kept = None if hits is None else inputs
         return BakeResult(maps, report, hits, trace.texel_faces, has_data, kept)
 
 
-def _with_sharing(
-    baked: BakeResult, stacked: StackedIslands, orientation: OrientationReport | None
-) -> BakeResult:
-    """Add to the report what was flipped, and which islands share the texels of others."""
-    report, n_sharing = baked.report, int(stacked.shares.sum())
-    counts = replace(
-        report.counts,
-        faces_without_uv_area=report.counts.faces_without_uv_area - n_sharing,
-        islands_sharing=stacked.n_sharing,
-    )
-    without_texel = report.faces_without_texel - n_sharing
-    report = replace(
-        report, counts=counts, faces_without_texel=without_texel, orientation=orientation
-    )
-    return replace(baked, report=report)
-
-
 def _check_misses(n_missed: int, n_covered: int, inputs: BakeInputs) -> None:
-    limit = inputs.options.fail_on_miss
-    percent = 100.0 * n_missed / max(n_covered, 1)
+    options = inputs.options
+    if n_covered == 0:
+        raise UvError(
+            f"{inputs.low.name}: its texture coordinates cover no texel of a {options.width_px} x "
+            f"{options.height_px} map; use a larger `size` or new coordinates"
+        )
+    limit, percent = options.fail_on_miss, 100.0 * n_missed / n_covered
     if limit is not None and percent > limit:
         raise MissError(
             f"{inputs.low.name}: the rays of {counted(n_missed, 'texel')} ({percent:.3f} %) missed "
