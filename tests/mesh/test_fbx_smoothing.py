@@ -79,13 +79,6 @@ def test_a_lid_with_hard_edges(read, mapping, values):
     np.testing.assert_allclose(normals[~is_lid], around, atol=TINY)
 
 
-def test_a_hard_edge_that_ends_within_a_smooth_surface_splits_no_normal(read):
-    is_first = np.arange(12) == 0
-    mesh = by_edge(read, ~is_first)
-    expected = np.sign(mesh.positions[mesh.faces]) / np.sqrt(3.0)
-    np.testing.assert_allclose(mesh.normals[mesh.normal_faces], expected, atol=TINY)
-
-
 def test_an_edge_of_three_polygons_is_hard(read):
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1.0]])
     fins = np.array([0, 1, ~2, 0, 1, ~3, 0, 1, ~4], np.int32)

@@ -1,6 +1,5 @@
 """glTF materials as data, which the materials of meshes and of scenes are made from."""
 
-import json
 import math
 import re
 from pathlib import Path
@@ -86,17 +85,6 @@ def test_extensions_that_are_not_used_have_no_channels():
     assert "transmission" not in found.channels
 
 
-@pytest.mark.parametrize("code", [33069, 10496, "clamp", None, []])
-def test_a_wrap_that_gltf_does_not_have_is_its_default(code):
-    document = document_with(
-        {"normalTexture": {"index": 0}},
-        images=[PIXEL],
-        textures=[{"source": 0, "sampler": 0}],
-        samplers=[{"wrapS": code, "wrapT": 33071}],
-    )
-    assert read_material(document, 0).channels["normal"].texture.wraps == ("repeat", "clamp")
-
-
 LONG = 10**400  # an integer that no float holds
 TURNED = {"index": 0, "extensions": {"KHR_texture_transform": {"rotation": LONG}}}
 
@@ -125,17 +113,6 @@ def test_damage_is_one_clear_line_for_meshes_and_scenes(tmp_path, material, mess
         with pytest.raises(FileFormatError, match=message) as caught:
             read(path)
         assert "\n" not in str(caught.value)
-
-
-def test_a_primitive_of_a_material_that_is_not_there(tmp_path):
-    path = gltf_with(tmp_path, {})
-    content = json.loads(path.read_text())
-    content["meshes"][0]["primitives"][1]["material"] = []
-    path.write_text(json.dumps(content))
-    mesh = read_mesh(path)
-    for read in read_scene, lambda path: read_materials(path, mesh):
-        with pytest.raises(FileFormatError, match=r"it has no materials\[\[\]\]"):
-            read(path)
 
 
 @pytest.mark.parametrize("texture", [{"source": 0}, {}])

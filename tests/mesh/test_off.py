@@ -49,10 +49,3 @@ def test_colors_normals_and_texture_coordinates(read):
     assert mesh.corner_uvs().tolist() == [[[0.125, 0.75]] * 3] * 3
     assert mesh.colors[0].tolist() == [0.5, 0.25, 1]
     assert mesh.normals[0].tolist() == [0, 1, 0]
-
-
-def test_many_signs_of_comments_are_read_once(read):
-    # Dividing them in every possible way would take longer than the age of the universe.
-    rows = "3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-    for start in "\n" + "#" * 2000 + "\n", "#" * 2000 + "\nOFF # OFF\n":
-        assert read(start + rows).n_faces == 1

@@ -136,13 +136,8 @@ def test_texture_coordinates_of_corners_are_joined_at_vertices(read, order):
 
 
 def test_text_keeps_digits_that_its_type_would_not(read):
-    content = ply("ascii", [("vertex", XYZ, [(0.1, 0, 0), (1, 0, 0), (1, 1, 0)])])
-    content = (
-        content.replace(
-            b"end_header", b"element face 1\nproperty list uchar int vertex_indices\nend_header"
-        )
-        + b"3 0 1 2\n"
-    )
+    points = [(0.1, 0, 0), (1, 0, 0), (1, 1, 0)]
+    content = ply("ascii", [("vertex", XYZ, points), ("face", POLYGON, SQUARE[:1])])
     assert read(content).positions[0, 0] == 0.1
 
 

@@ -80,13 +80,15 @@ def test_a_xaml_file_is_read(tmp_path: Path) -> None:
 
 def test_a_3mf_file_with_a_bad_number_is_one_error(tmp_path: Path) -> None:
     texbake.to_trimesh(cube()).export(tmp_path / "good.3mf")
-    for old, new in (('v1="0"', 'v1="77"'), ('x="-0.5', 'x="abc'), ('x="-0.5', 'x="nan')):
+    wrong = [('v1="0"', 'v1="77"', "index"), ('x="-0.5', 'x="abc', "could not be read to its end"),
+             ('x="-0.5', 'x="nan', "not finite")]  # fmt: skip
+    for old, new, error in wrong:
         changed = tmp_path / "bad.3mf"
         with zipfile.ZipFile(tmp_path / "good.3mf") as good, zipfile.ZipFile(changed, "w") as bad:
             for name in good.namelist():
                 text = good.read(name)
                 bad.writestr(name, text.replace(old.encode(), new.encode(), 1))
-        with pytest.raises(TexbakeError):
+        with pytest.raises(TexbakeError, match=rf"bad\.3mf: .*{error}"):
             texbake.read_mesh(changed)
 
 

@@ -210,13 +210,6 @@ def test_values_that_make_no_sense_are_bounded(read, value):
     assert 0.0 <= found.materials[0].alpha_cutoff <= 1.0
 
 
-def test_shaders_in_a_cycle_are_left_out(read):
-    found = read(f"color3f inputs:diffuseColor.connect = {RGB}\n"
-                 "float inputs:metallic.connect = </skin/surface.inputs:metallic>",
-                 "", places="image")  # fmt: skip
-    assert found.sources("metallic")[0].factor == (0.0,)
-
-
 def test_subsets_have_their_own_materials(tmp_path):
     subset = """
         def GeomSubset "right"
