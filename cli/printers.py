@@ -32,7 +32,10 @@ def print_info(terminal: Terminal, done: JobResult[MeshFileInfo], values: Mappin
         say(json.dumps(done.to_json(), indent=2, allow_nan=False))
     else:
         for rows in done.report.tables():
-            table(rows)
+            if len(rows[0]) == 2:
+                table(rows)
+            else:
+                columns(rows, numbers=len(rows[0]))
     return 0
 
 

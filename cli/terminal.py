@@ -120,7 +120,7 @@ def say(text: str, **style: Any) -> None:
         raise FileError(f"standard output: cannot be written: {error.strerror}") from error
 
 
-def table(rows: Sequence[tuple[str, str]]) -> None:
+def table(rows: Sequence[Sequence[str]]) -> None:
     """Print labels and aligned values on stdout; a row without a value is a heading."""
     rows = [(in_line(label), in_line(value)) for label, value in rows]
     width = max((len(label) for label, value in rows if value), default=0)

@@ -6,9 +6,8 @@ import pytest
 
 import texbake
 from texbake import BakeOptions
-from texbake.errors import FileError, FileFormatError, MeshError
+from texbake.errors import FileFormatError, MeshError
 from texbake.jobs.maps import BakeFiles, bake_files
-from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.info import info_file
 from texbake.verbs.make import make_file
@@ -46,18 +45,6 @@ def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) 
     again = remap_files("h.npz", "again", format="tga")
     assert Path("again/normal.tga").read_bytes() == Path("n.tga").read_bytes()
     assert again.files == (Path("again/normal.tga"),)
-
-
-@pytest.mark.parametrize("files", [{"miss_map": "m.obj"}, {"html": "p.png"}, {"hits": "no/h.npz"}])
-def test_further_outputs_of_a_bake_are_checked_before_it(
-    folder: Path, files: dict[str, str]
-) -> None:
-    (name,) = files.values()
-    others = BakeFiles(**files)
-    with pytest.raises(FileError, match=name):
-        bake_files("no such file.obj", "ball.obj", "maps", OPTIONS, others)
-    with pytest.raises(FileError, match=name):
-        bake_parts_files(["no such file.obj"], ["ball.obj"], "maps", OPTIONS, files=others)
 
 
 def test_meshes_one_after_another(folder: Path) -> None:

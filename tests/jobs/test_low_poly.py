@@ -7,7 +7,7 @@ import pytest
 import texbake
 from tests.models import bone, handles, model, real, sponge
 from texbake.errors import MeshError, OptionError
-from texbake.jobs.low_poly import make_low_poly
+from texbake.jobs.low_poly import LowPolyMaker
 from texbake.jobs.options import RunOptions
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import LowNormals
@@ -121,9 +121,8 @@ def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None
 @pytest.mark.parametrize("name", real("broken/VH_M_Heart.glb", "broken/cycloidal.ply"))
 def test_what_would_be_torn_is_wrapped(name: str) -> None:
     n_faces = 500 if "Heart" in name else 5_000
-    low = make_low_poly(
-        model(name), n_faces, quality="fast", remesh="auto", rule=LowNormals("auto", 60.0)
-    )
+    rule = LowNormals("auto", 60.0)
+    low = LowPolyMaker(high=model(name), n_faces=n_faces, quality="fast", rule=rule).make("auto")
     assert 0.99 * n_faces <= low.mesh.n_faces <= n_faces
     assert low.report.is_whole
     assert "closed surface around it" in low.why[0]
@@ -152,7 +151,6 @@ def test_an_error_decides_alone_how_many_triangles_are_left(mesh: texbake.Mesh) 
 
 def test_a_default_number_of_triangles_need_not_be_reached(mesh: texbake.Mesh) -> None:
     rule = LowNormals("smooth", 60.0)
-    made = make_low_poly(
-        mesh, 200, quality="fast", remesh="never", rule=rule, must_reach=False, threads=1
-    )
+    maker = LowPolyMaker(high=mesh, n_faces=200, quality="fast", rule=rule, threads=1)
+    made = maker.make("never", must_reach=False)
     assert made.mesh.n_faces > 202 and not made.report.is_whole

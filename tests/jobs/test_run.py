@@ -178,7 +178,7 @@ def test_a_failed_stage_keeps_all_earlier_files(
 def test_an_impossible_folder_is_refused_before_the_work(
     high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_module, "make_low_poly", None)  # must not be reached
+    monkeypatch.setattr(run_module, "LowPolyMaker", None)  # must not be reached
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="file/folder: the folder cannot be made"):
         run(high, tmp_path / "file" / "folder")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -68,27 +67,9 @@ def write_comparison_page(
     """
     from texbake.pages.asset_page import AssetPage, write_asset_page
 
-    figures = [] if comparison is None else comparison_table(comparison)
+    figures = [] if comparison is None else comparison.table()
     page = AssetPage(high=high, low=low, comparison=comparison, figures=figures, **more)
     write_asset_page(html, page)
-
-
-def comparison_report(comparison: Comparison) -> dict[str, Any]:
-    """Return the figures of a comparison, with and without maps, as plain values."""
-    displaced = comparison.displaced
-    return {
-        "mapped": asdict(comparison.mapped),
-        "maps": list(comparison.maps),
-        **({} if displaced is None else {"displaced": asdict(displaced)}),
-        "bare": asdict(comparison.bare),
-        "views_deg": [list(view) for view in comparison.views],
-    }
-
-
-def comparison_table(comparison: Comparison) -> list[tuple[str, str]]:
-    """Return a row of figures for each use of the maps, starting with that of a GLB file."""
-    bare = ("without maps", comparison.bare)
-    return [(label, _figures(closeness)) for label, closeness in (*_uses(comparison), bare)]
 
 
 def comparison_warnings(comparison: Comparison) -> list[str]:
@@ -96,7 +77,7 @@ def comparison_warnings(comparison: Comparison) -> list[str]:
     return [
         f"{label} the asset is further from the high-poly mesh than without maps: "
         f"{', '.join(worse)}; see the picture, and `texbake check` for the reason"
-        for label, closeness in _uses(comparison)
+        for label, closeness in comparison.uses()
         if (worse := _worse(closeness, comparison.bare))
     ]
 
@@ -116,24 +97,3 @@ def _worse(closeness: Closeness, bare: Closeness) -> list[str]:
         if of_low > of_bare + VISIBLE_OUTLINE:
             found.append(f"{name} off by {100 * of_low:.1f} % and not {100 * of_bare:.1f} %")
     return found
-
-
-def _uses(comparison: Comparison) -> list[tuple[str, Closeness]]:
-    """Return each use of the maps with its figures."""
-    found = []
-    if comparison.maps:
-        found.append((f"with its {' and '.join(comparison.maps)}", comparison.mapped))
-    if comparison.displaced is not None:
-        found.append(("displaced as well", comparison.displaced))
-    return found
-
-
-def _figures(closeness: Closeness) -> str:
-    similar = "" if closeness.ssim is None else f"SSIM {closeness.ssim:.3f}, "
-    return (
-        f"normals {closeness.mean_deg:.2f}° off (median {closeness.median_deg:.2f}°, 95 % below "
-        f"{closeness.p95_deg:.2f}°), "
-        f"PSNR {closeness.psnr_db:.1f} dB, {similar}"
-        f"outline {100 * closeness.outline_mismatch:.2f} % off, "
-        f"depth {100 * closeness.depth_mismatch:.2f} %"
-    )

@@ -17,7 +17,7 @@ from texbake.baking.result import check_texels
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike, written_file
 from texbake.jobs.fit import with_diagnosis
-from texbake.jobs.low_poly import LowPoly, make_low_poly
+from texbake.jobs.low_poly import LowPoly, LowPolyMaker
 from texbake.jobs.material_transfer import (
     compared_without,
     encoded_channels,
@@ -308,14 +308,9 @@ def _simplified(
     bare = without_borders(high).replace(uvs=None, uv_faces=None, tangents=None, colors=None)
     if options.remesh != "always" and high.n_faces <= n_faces:
         return bare, None
-    made = make_low_poly(
-        bare,
-        n_faces,
-        quality=options.quality,
-        remesh=options.remesh,
-        rule=rule,
-        must_reach=options.n_faces is not None,
-        threads=options.threads,
+    maker = LowPolyMaker(
+        high=bare, rule=rule, n_faces=n_faces, quality=options.quality, threads=options.threads,
         progress=progress,
-    )
+    )  # fmt: skip
+    made = maker.make(options.remesh, must_reach=options.n_faces is not None)
     return made.mesh, made

@@ -53,19 +53,55 @@ class LowPoly:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Maker:
+class LowPolyMaker:
     """Makes low-poly meshes of one high-poly mesh."""
 
     high: Mesh
     rule: LowNormals
     n_faces: int | None
-    error: str | float | None
+    error: str | float | None = None
     quality: str
-    seams: str
-    threads: int | None
-    progress: ProgressSink | None
+    seams: str = "auto"
+    threads: int | None = None
+    progress: ProgressSink | None = None
 
-    def simplified(self, mesh: Mesh, quality: str) -> LowPoly:
+    def make(self, remesh: str, *, must_reach: bool = True) -> LowPoly:
+        """Reduce the mesh to a number of faces, from a closed surface around it if it is closer."""
+        if remesh == "always":
+            low = self._closest(self._wrapped(None))
+        else:
+            low = self._kept_or_wrapped() if remesh == "auto" else self._kept()
+        if must_reach and self.error is None and not low.report.is_close_to_count:
+            # With `auto`, closed surfaces around a mesh that is not open were tried.
+            may_help = remesh == "never" or surface_side(self.high, threads=self.threads) == "both"
+            closing = ", or use `remesh` always" if may_help and remesh != "always" else ""
+            check_count(low.mesh.n_faces, self.n_faces, self.high.name, "request more" + closing)
+        if low.is_of_wrap:
+            report = measured_to(low.report, self.high, low.mesh, threads=self.threads)
+            low = replace(low, report=report)
+        return low
+
+    def _kept_or_wrapped(self) -> LowPoly:
+        n_faces, has_error = self.n_faces, self.error is not None
+        if n_faces is not None and self.high.n_faces <= n_faces:
+            return self._kept()
+        reason = reason_to_wrap(self.high, None if has_error else n_faces, threads=self.threads)
+        kept = None
+        if reason is None:
+            kept = self._kept()
+            if has_error or kept.report.is_whole:
+                return kept
+            reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
+        try:
+            candidates = self._wrapped(reason)
+        except MeshError:
+            return kept or self._kept()
+        is_certain = reason.is_certain and any(low.report.is_whole for low in candidates)
+        if not (has_error or is_certain):
+            candidates.append(kept or self._kept())
+        return self._closest(candidates)
+
+    def _simplified(self, mesh: Mesh, quality: str) -> LowPoly:
         low, report = simplify_with_report(
             self.rule.to_simplify(mesh, self.high, threads=self.threads),
             self.n_faces,
@@ -79,10 +115,10 @@ class _Maker:
         reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
         return LowPoly(mesh=low, report=report, reach=reach)
 
-    def kept(self) -> LowPoly:
-        return self.simplified(self.high, self.quality)
+    def _kept(self) -> LowPoly:
+        return self._simplified(self.high, self.quality)
 
-    def wrapped(self, reason: Reason | None) -> list[LowPoly]:
+    def _wrapped(self, reason: Reason | None) -> list[LowPoly]:
         """Make one mesh of each wrap."""
         found = wraps(
             self.high,
@@ -92,12 +128,12 @@ class _Maker:
             threads=self.threads,
             progress=self.progress,
         )
-        return [self.of_wrap(*wrap, reason) for wrap in found]
+        return [self._of_wrap(*wrap, reason) for wrap in found]
 
-    def of_wrap(self, wrap: Mesh, width: float, n_left_out: int, reason: Reason | None) -> LowPoly:
+    def _of_wrap(self, wrap: Mesh, width: float, n_left_out: int, reason: Reason | None) -> LowPoly:
         name, diagonal = self.high.name, self.high.diagonal
         # The vertices of a wrap are not vertices of the mesh, so they may move.
-        made = self.simplified(wrap, "best" if width else self.quality)
+        made = self._simplified(wrap, "best" if width else self.quality)
         low = replace(made, is_of_wrap=True)
         why: list[str] = []
         if reason is not None:
@@ -125,7 +161,7 @@ class _Maker:
         rays = max(rays, low.report.distance.b_to_a.max)  # very few faces lie farther from the wrap
         return replace(low, why=tuple(why), ray_distance=rays)
 
-    def closest(self, candidates: list[LowPoly]) -> LowPoly:
+    def _closest(self, candidates: list[LowPoly]) -> LowPoly:
         """Return the mesh whose normal map would leave the least mean angle in pictures.
 
         If no candidate reaches the number of triangles, it is the one that comes closest.
@@ -138,58 +174,3 @@ class _Maker:
         found = compare_shapes(self.high, lows, options, threads=self.threads)
         angles = [(1.0 - other) * _WITH_MAP * mean + other * _OTHER_PART for mean, other in found]
         return candidates[angles.index(min(angles))]
-
-
-def make_low_poly(
-    high: Mesh,
-    n_faces: int | None,
-    *,
-    error: str | float | None = None,
-    quality: str,
-    seams: str = "auto",
-    remesh: str,
-    rule: LowNormals,
-    must_reach: bool = True,
-    threads: int | None = None,
-    progress: ProgressSink | None = None,
-) -> LowPoly:
-    """Reduce a mesh to a number of faces, from a closed surface around it if that is closer."""
-    make = _Maker(
-        high=high, rule=rule, n_faces=n_faces, error=error, quality=quality, seams=seams,
-        threads=threads, progress=progress,
-    )  # fmt: skip
-    if remesh == "always":
-        low = make.closest(make.wrapped(None))
-    else:
-        low = _closest(make) if remesh == "auto" else make.kept()
-    if must_reach and error is None and not low.report.is_close_to_count:
-        # With `auto`, closed surfaces around a mesh that is not open were tried.
-        may_help = remesh == "never" or surface_side(high, threads=threads) == "both"
-        closing = ", or use `remesh` always" if may_help and remesh != "always" else ""
-        check_count(low.mesh.n_faces, n_faces, high.name, "request more" + closing)
-    if low.is_of_wrap:
-        report = measured_to(low.report, high, low.mesh, threads=threads)
-        low = replace(low, report=report)
-    return low
-
-
-def _closest(make: _Maker) -> LowPoly:
-    high, n_faces = make.high, make.n_faces
-    if n_faces is not None and high.n_faces <= n_faces:
-        return make.kept()
-    has_error = make.error is not None
-    reason = reason_to_wrap(high, None if has_error else n_faces, threads=make.threads)
-    kept = None
-    if reason is None:
-        kept = make.kept()
-        if has_error or kept.report.is_whole:
-            return kept
-        reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
-    try:
-        candidates = make.wrapped(reason)
-    except MeshError:
-        return kept or make.kept()
-    is_certain = reason.is_certain and any(low.report.is_whole for low in candidates)
-    if not (has_error or is_certain):
-        candidates.append(kept or make.kept())
-    return make.closest(candidates)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,6 @@ from texbake.errors import OptionError, counted
 from texbake.files import (
     PathLike,
     appearing_together,
-    check_folder,
-    check_writable,
     make_folder,
     scratch_folder,
 )
@@ -29,9 +28,6 @@ from texbake.jobs.fit import check_fit, with_diagnosis
 from texbake.jobs.outputs import (
     JobResult,
     check_distinct,
-    check_page,
-    check_picture,
-    check_report,
     present_paths,
 )
 from texbake.mesh.files import read_mesh
@@ -86,12 +82,6 @@ class BakeFiles:
         """What is written."""
         return present_paths(self.miss_map, self.html, self.hits)
 
-    def check(self) -> None:
-        """Raise where an output cannot be written, before the work begins."""
-        check_picture(self.miss_map)
-        check_page(self.html)
-        check_report(self.hits)
-
 
 @appearing_together()
 def bake_files(
@@ -122,8 +112,7 @@ def bake_files(
     else:  # other maps can be made from hits
         check_high_texture(files.high_texture, maps)
     check_distinct([*maps.values(), *files.outputs], [high, low, *files.inputs])
-    check_map_files(maps, options, folder)
-    files.check()
+    check_map_files(maps, options)
     stages = Stages(progress)
     with stages.part("read meshes"):
         low_mesh = _read_whole(low, join_objects, progress)
@@ -143,7 +132,7 @@ def bake_files(
         skew_mask=read_ray_image(files.skew_mask),
         offset_map=read_ray_image(files.offset_map),
         progress=progress,
-        clock=replace(clock, finish=_WritingMaps(maps)),
+        clock=replace(clock, finish=partial(_write_for_time, maps)),
     )
     baked = with_diagnosis(high_mesh, low_mesh, baked, join_objects=join_objects)
     result = baked if files.html is None else as_asked(baked, options)
@@ -208,23 +197,18 @@ def _materials(
     return materials_of(path, high, files.high_texture, maps)
 
 
-@dataclass(frozen=True)
-class _WritingMaps:
-    """Writes maps to a scratch folder, only to time it."""
-
-    files: Mapping[str, Path]
-
-    def __call__(self, maps: Mapping[str, BakedMap]) -> None:
-        with scratch_folder() as folder:
-            for name, path in self.files.items():
-                maps[name].write(folder / f"{name}{path.suffix}")
+def _write_for_time(files: Mapping[str, Path], maps: Mapping[str, BakedMap]) -> None:
+    """Write maps to a scratch folder, only to time it."""
+    with scratch_folder() as folder:
+        for name, path in files.items():
+            maps[name].write(folder / f"{name}{path.suffix}")
 
 
 def named_maps(
-    folder: Path, pattern: str, asset: str, maps: Sequence[str], suffix: str | None
+    folder: Path, pattern: str, asset: str, maps: Sequence[str], suffix: str | None, **of_set: Any
 ) -> dict[str, Path]:
-    """Return a file in a folder for each map."""
-    names = map_file_names(pattern, asset=asset, maps=maps, ext=suffix or DEFAULT_FORMAT)
+    """Return a file in a folder for each map; `of_set` is the `udim` and the `texture_set`."""
+    names = map_file_names(pattern, asset=asset, maps=maps, ext=suffix or DEFAULT_FORMAT, **of_set)
     return {name: folder / file for name, file in names.items()}
 
 
@@ -270,17 +254,10 @@ def read_ray_image(path: PathLike | None) -> Any:
     return None if path is None else read_image(path, color=False).pixels
 
 
-def check_map_files(
-    files: Mapping[str, Path], options: BakeOptions, folder: Path | None = None
-) -> None:
-    """Raise if maps could not be written to their files, or a folder for them not be made."""
+def check_map_files(files: Mapping[str, Path], options: BakeOptions) -> None:
+    """Raise if a map has no coding in the format of its file."""
     for name, path in files.items():
         file_bits(MAPS[name], path, options.bits)
-    if folder is not None:
-        check_folder(folder)
-    else:
-        for path in files.values():
-            check_writable(path)
 
 
 def check_high_texture(image: PathLike | None, maps: Iterable[str]) -> None:

@@ -93,12 +93,6 @@ def check_mesh(path: PathLike, *, folder_is_made: bool = False) -> None:
         check_writable(path)
 
 
-def check_report(path: PathLike | None) -> None:
-    """Raise if a report could not be written to a path; None passes."""
-    if path is not None:
-        check_writable(path)
-
-
 def check_page(path: PathLike | None) -> None:
     """Raise if a page could not be written to a path, or its suffix is another's; None passes."""
     if path is not None:

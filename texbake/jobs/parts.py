@@ -25,12 +25,12 @@ from texbake.errors import OptionError, quoted
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, diagnose_misses
 from texbake.jobs.maps import (
-    DEFAULT_FORMAT,
     BakeFiles,
     check_high_texture,
     check_map_files,
     clipping_warnings,
     materials_of,
+    named_maps,
     needs_materials,
     read_ray_image,
 )
@@ -114,11 +114,7 @@ def bake_parts_files(
     name_pattern = _pattern_of_sets(name_pattern, parts)
     name_files = _namer(asset, Path(folder), options.maps, format, name_pattern)
     check_high_texture(files.high_texture, options.maps)
-    files.check()
-    suffix = format or DEFAULT_FORMAT
-    check_map_files(
-        {map_: Path(f"{map_}.{suffix}") for map_ in options.maps}, options, Path(folder)
-    )
+    check_map_files(name_files(BakeTarget("", FIRST_TILE)), options)
     stages = Stages(progress)
     with scratch_folder() as done_maps:
         with stages.part("read meshes"):
@@ -212,17 +208,9 @@ def _namer(
     """Return a function that names the files of a set of maps."""
 
     def files(target: BakeTarget) -> dict[str, Path]:
-        names = map_file_names(
-            pattern,
-            asset=asset,
-            maps=maps,
-            ext=suffix or DEFAULT_FORMAT,
-            udim=target.udim,
-            texture_set=target.texture_set or None,
-        )
-        return {name: folder / file for name, file in names.items()}
+        udim, texture_set = target.udim, target.texture_set or None
+        return named_maps(folder, pattern, asset, maps, suffix, udim=udim, texture_set=texture_set)
 
-    files(BakeTarget("", FIRST_TILE))  # raises before the work what is wrong with the pattern
     return files
 
 

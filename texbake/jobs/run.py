@@ -27,9 +27,9 @@ from texbake.files import (
     scratch_folder,
     written_file,
 )
-from texbake.jobs.comparison import comparison_report, comparison_table, comparison_warnings
+from texbake.jobs.comparison import comparison_warnings
 from texbake.jobs.fit import with_diagnosis
-from texbake.jobs.low_poly import LowPoly, make_low_poly
+from texbake.jobs.low_poly import LowPolyMaker
 from texbake.jobs.material_transfer import (
     encoded_channels,
     image_names,
@@ -108,7 +108,7 @@ class RunResult:
 
     def _match(self) -> list[tuple[str, str]]:
         distance = self.simplified.distance
-        compared = [] if self.comparison is None else comparison_table(self.comparison)
+        compared = [] if self.comparison is None else self.comparison.table()
         return [
             ("Compared with the high-poly mesh", ""),
             *((f"  {label}", figures) for label, figures in compared),
@@ -138,7 +138,7 @@ class RunResult:
             "simplify": self.simplified.to_json(),
             "unwrap": self.unwrapped.to_json(),
             "bake": self.baked.report.to_json(),
-            "compare": None if self.comparison is None else comparison_report(self.comparison),
+            "compare": None if self.comparison is None else self.comparison.to_json(),
         }
 
 
@@ -186,7 +186,12 @@ def run(
         turning, threads = options.orientation, options.threads
         high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
         high = rule.of_high(high, threads=threads)
-        made = _low_poly(high, options, rule, progress)
+        # Seams are dropped, because its charts are made again.
+        maker = LowPolyMaker(
+            high=high, rule=rule, n_faces=options.n_faces, error=options.error,
+            quality=options.quality, seams="drop", threads=threads, progress=progress,
+        )  # fmt: skip
+        made = maker.make(options.remesh)
     low = rule.before_unwrap(made.mesh.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
@@ -225,22 +230,6 @@ def run(
     )
     write_report(files["report"], result.to_json())
     return result
-
-
-def _low_poly(
-    high: Mesh, options: RunOptions, rule: LowNormals, progress: ProgressSink | None
-) -> LowPoly:
-    return make_low_poly(
-        high,
-        options.n_faces,
-        error=options.error,
-        quality=options.quality,
-        seams="drop",  # its charts are made again
-        remesh=options.remesh,
-        rule=rule,
-        threads=options.threads,
-        progress=progress,
-    )
 
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -72,6 +72,15 @@ class Closeness:
     depth_mismatch: float
     n_pixels: int  # number of pixels in the angle statistics
 
+    def __str__(self) -> str:
+        similar = "" if self.ssim is None else f"SSIM {self.ssim:.3f}, "
+        return (
+            f"normals {self.mean_deg:.2f}° off (median {self.median_deg:.2f}°, 95 % below "
+            f"{self.p95_deg:.2f}°), PSNR {self.psnr_db:.1f} dB, {similar}"
+            f"outline {100 * self.outline_mismatch:.2f} % off, "
+            f"depth {100 * self.depth_mismatch:.2f} %"
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Comparison:
@@ -96,6 +105,30 @@ class Comparison:
     # with all of its maps; None unless there is a displacement map beside another one
     displaced: Closeness | None = None
     displaced_frame: Frame | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures, with and without maps, as plain values."""
+        displaced = {} if self.displaced is None else {"displaced": asdict(self.displaced)}
+        return {
+            "mapped": asdict(self.mapped),
+            "maps": list(self.maps),
+            **displaced,
+            "bare": asdict(self.bare),
+            "views_deg": [list(view) for view in self.views],
+        }
+
+    def uses(self) -> list[tuple[str, Closeness]]:
+        """Return each use of the maps with its figures, starting with that of a GLB file."""
+        found = []
+        if self.maps:
+            found.append((f"with its {' and '.join(self.maps)}", self.mapped))
+        if self.displaced is not None:
+            found.append(("displaced as well", self.displaced))
+        return found
+
+    def table(self) -> list[tuple[str, str]]:
+        """Return a row of figures for each use of the maps, and for none."""
+        return [(label, str(close)) for label, close in (*self.uses(), ("without maps", self.bare))]
 
     def difference(self) -> FloatImage:
         """(H, W, 3) float32: the angles as linear colors; gray where they are NaN."""

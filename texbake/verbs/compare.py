@@ -11,7 +11,7 @@ from texbake.jobs.outputs import JobResult, check_distinct, check_picture, prese
 from texbake.mapping.options.shared import Size
 from texbake.rendering.options import RenderOptions
 from texbake.schema import Option
-from texbake.verbs.verb import PAGE, REPORT, THREADS, Options, Reads, Rows, Writes, verb
+from texbake.verbs.verb import PAGE, REPORT, THREADS, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
     from texbake.progress import ProgressSink
@@ -36,24 +36,6 @@ def with_sides(values: dict[str, Any]) -> dict[str, Any]:
     return {**rest, "width": width, "height": height}
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ComparedFiles(JobResult["Comparison"]):
-    """What `compare_files` wrote and measured."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the figures with and without maps as plain values."""
-        from texbake.jobs.comparison import comparison_report
-
-        compared: Comparison = self.report
-        return comparison_report(compared)
-
-
-def _table(done: ComparedFiles) -> Rows:
-    from texbake.jobs.comparison import comparison_table
-
-    return comparison_table(done.report)
-
-
 @verb(
     Reads("high"),
     Reads("low"),
@@ -76,7 +58,6 @@ def _table(done: ComparedFiles) -> Rows:
       texbake compare scan.ply low.obj --normal-map normal.png
       texbake compare scan.ply low.obj --normal-map normal.png --view 90,10 -o side.png
     """,
-    table=_table,
     prepare=with_sides,
 )
 def compare_files(
@@ -93,7 +74,7 @@ def compare_files(
     command: str = "",
     threads: int | None = None,
     progress: ProgressSink | None = None,
-) -> ComparedFiles:
+) -> JobResult[Comparison]:
     """Measure how close LOW with its maps comes to HIGH.
 
     From six sides, prints the angle between the shading normals that pixels show, and the PSNR and
@@ -127,4 +108,4 @@ def compare_files(
         write_comparison_page(
             html, high_mesh, low_mesh, comparison, files=files, command=command, picture=options
         )
-    return ComparedFiles(files=present_paths(output, html), report=comparison)
+    return JobResult(files=present_paths(output, html), report=comparison)

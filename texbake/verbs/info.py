@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from texbake.mesh.info import MeshInfo
     from texbake.progress import ProgressSink
 
+Table = list[tuple[str, ...]]
 _GROUPS_SHOWN = 12
 _CHARTS_SHOWN = 10
 
@@ -61,12 +62,15 @@ class MeshFileInfo:
             figures["distortion"] = self.distortion.to_json()
         return figures
 
-    def tables(self) -> list[Rows]:
-        """Return tables of the mesh and its file, of the distortion, and of the worst of it."""
-        tables = [[*_rows(self.mesh), *_content_rows(self)]]
+    def tables(self) -> list[Table]:
+        """Return tables of the mesh and its file, of the distortion, and of the worst of it.
+
+        Each has rows of a label and a figure, or of more cells below a heading.
+        """
+        tables: list[Table] = [[*_rows(self.mesh), *_content_rows(self)]]
         if self.distortion is not None:
             tables.append([("Distortion", ""), *self.distortion.table()])
-            tables.append(_worst_rows(self.distortion))
+            tables += _worst_tables(self.distortion)
         return tables
 
 
@@ -228,56 +232,39 @@ def _uvs(found: MeshInfo) -> str:
     return "; ".join(parts)
 
 
-def _worst_rows(found: Distortion) -> Rows:
-    """Return rows of the charts, then of the faces, with the greatest stretch."""
+def _worst_tables(found: Distortion) -> list[Table]:
+    """Return tables of the charts, then of the faces, with the greatest stretch."""
     charts = sorted(found.charts, key=lambda chart: -chart.stretch.l2)[:_CHARTS_SHOWN]
     of = f" of {found.n_charts:,}" if found.n_charts > len(charts) else ""
     surface = sum(chart.area for chart in found.charts)
-    rows = [(f"Charts of greatest stretch{of}", "")]
-    rows += _columns(
-        ("chart", "L2", "L2 alone", "L∞", "Dirichlet", "faces", "mirrored", "surface", "texels"),
-        [
-            (
-                f"{chart.chart}",
-                f"{chart.stretch.l2:.4f}",
-                f"{chart.l2_alone:.4f}",
-                f"{chart.stretch.linf:.4f}",
-                f"{chart.stretch.symmetric_dirichlet:.4f}",
-                f"{chart.n_faces:,}",
-                f"{chart.n_mirrored:,}",
-                f"{100.0 * chart.area / surface:.2f} %",
-                f"{chart.texel_density:.5g}",
-            )
-            for chart in charts
-        ],
-    )
-    rows.append(("Faces of greatest stretch", ""))
-    rows += _columns(
-        ("face", "chart", "L2", "L∞", ""),
-        [
-            (
-                f"{face.face}",
-                f"{face.chart}",
-                f"{face.l2:.4f}",
-                f"{face.linf:.4f}",
-                "mirrored" if face.mirrored else "",
-            )
-            for face in found.worst_faces
-        ],
-    )
-    return rows
-
-
-def _columns(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> Rows:
-    """Return rows of aligned columns with headings; the first column is the label."""
-    table = [heads, *lines]
-    widths = [max(len(line[i]) for line in table) for i in range(len(heads))]
-    return [
+    heads = ("chart", "L2", "L2 alone", "L∞", "Dirichlet", "faces", "mirrored", "surface", "texels")
+    of_charts: Table = [
         (
-            f"  {line[0]:>{widths[0]}}",
-            "  ".join(
-                f"{word:>{width}}" for word, width in zip(line[1:], widths[1:], strict=True)
-            ).rstrip(),
+            f"{chart.chart}",
+            f"{chart.stretch.l2:.4f}",
+            f"{chart.l2_alone:.4f}",
+            f"{chart.stretch.linf:.4f}",
+            f"{chart.stretch.symmetric_dirichlet:.4f}",
+            f"{chart.n_faces:,}",
+            f"{chart.n_mirrored:,}",
+            f"{100.0 * chart.area / surface:.2f} %",
+            f"{chart.texel_density:.5g}",
         )
-        for line in table
+        for chart in charts
+    ]
+    of_faces: Table = [
+        (
+            f"{face.face}",
+            f"{face.chart}",
+            f"{face.l2:.4f}",
+            f"{face.linf:.4f}",
+            "mirrored" if face.mirrored else "",
+        )
+        for face in found.worst_faces
+    ]
+    return [
+        [(f"Charts of greatest stretch{of}", "")],
+        [heads, *of_charts],
+        [("Faces of greatest stretch", "")],
+        [("face", "chart", "L2", "L∞", ""), *of_faces],
     ]

@@ -79,7 +79,7 @@ def remap_files(
     asset = Path(kept.report.low).stem
     files = named_maps(Path(output), name_pattern, asset, options.maps, format)
     check_distinct([*files.values(), report], [hits])
-    check_map_files(files, options, Path(output))
+    check_map_files(files, options)
     result = remap_hits(kept, options, progress=progress)
     with stages.stage("write maps"):
         written = written_maps(result, files, Path(output))
