@@ -7,7 +7,7 @@ import pytest
 
 from texbake.baking.bake import bake
 from texbake.baking.codings import id_colors
-from texbake.baking.maps import MAP_NAMES, MAPS
+from texbake.baking.maps import DEFAULT_PATTERN, MAP_NAMES, MAPS, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.materials import (
@@ -280,3 +280,43 @@ def test_adaptive_samples_keep_ids_whole():
     assert set(np.unique(maps["object-id"].values).tolist()) == {1.0, 2.0}
     assert (maps["object-id"].values[:, :10] == 1.0).all()
     assert (maps["object-id"].values[:, 11:] == 2.0).all()
+
+
+def names(pattern, *maps, **changes):
+    return map_file_names(
+        pattern, **{"asset": "orc low", "maps": maps, "ext": "exr", "udim": 1012, **changes}
+    )
+
+
+def test_files_have_the_names_of_the_maps_by_default():
+    assert names(DEFAULT_PATTERN, "normal", "ao") == {"normal": "normal.exr", "ao": "ao.exr"}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "name"),
+    [
+        ("{asset}_{map}_{udim}.{ext}", "orc low_normal_1012.exr"),
+        ("T_{asset}_{map}.{ext}", "T_orc low_normal.exr"),
+        ("{{x}}{map}.{ext}", "{x}normal.exr"),
+        ("{udim:05d}.{ext}", "01012.exr"),
+    ],
+)
+def test_fields_are_replaced(pattern, name):
+    assert names(pattern, "normal") == {"normal": name}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [
+        ("{mesh}.{ext}", r"\{mesh\} is not known"),
+        ("{}.{ext}", "is not known"),
+        ("{map.x}.{ext}", "is not known"),
+        ("{map.{ext}", "cannot be parsed"),
+        ("{map}.png", r"must end with \.\{ext\}"),
+        ("{asset}/{map}.{ext}", "names a folder"),
+        ("{asset}.{ext}", "two maps the same name"),
+    ],
+)
+def test_wrong_patterns(pattern, message):
+    with pytest.raises(OptionError, match=message):
+        names(pattern, "normal", "ao")

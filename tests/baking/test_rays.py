@@ -1,10 +1,13 @@
-"""Rays start where they should, and every sample has a direction or is known to have none."""
+"""Rays start where they should, every sample has a direction or none, and images change rays."""
 
 import numpy as np
 import pytest
 
-from texbake.baking.rays import RayField, UnobstructedRays
+from texbake.baking.bake import bake
+from texbake.baking.options import BakeOptions
+from texbake.baking.rays import RayField, RayMaps, UnobstructedRays
 from texbake.baking.texels import Samples
+from texbake.errors import OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -103,3 +106,111 @@ def test_another_part_of_the_low_poly_mesh_ends_rays_where_it_faces_their_own(
     np.testing.assert_allclose(frame.length_to_model(rays.fronts), front, atol=1e-6)
     np.testing.assert_allclose(frame.length_to_model(rays.lengths), front + back, atol=2e-6)
     np.testing.assert_allclose(frame.to_model(rays.origins)[:, 2], front, atol=1e-6)
+
+
+LOW = uv_sphere(8, 16)
+HIGH = uv_sphere(48, 96, lambda theta, phi: 1 + 0.01 * np.sin(9 * phi) * np.sin(7 * theta))
+REACH = {"front": 0.1, "back": 0.1}
+
+
+def image(value: float) -> np.ndarray:
+    return np.full((5, 7), value, dtype=np.float32)
+
+
+def same(one, other) -> bool:
+    return all(np.array_equal(one.maps[name].values, other.maps[name].values) for name in one.maps)
+
+
+def baked(samples=4, **changes):
+    images = {name: changes.pop(name) for name in ("skew_mask", "offset_map") if name in changes}
+    cage = changes.pop("cage", None)
+    reach = {"back": 0.1} if cage is not None else REACH
+    options = BakeOptions(
+        size=64, samples=samples, maps=("normal", "displacement"), **{**reach, **changes}
+    )
+    return bake(HIGH, LOW, options, cage=cage, **images)
+
+
+@pytest.mark.parametrize("samples", [1, 16, "adaptive"])
+def test_masks_of_0_and_1_are_smooth_and_face_rays(samples):
+    smooth, face = baked(samples), baked(samples, rays="face")
+    assert not same(smooth, face)
+    assert same(baked(samples, skew_mask=image(0.0)), smooth)
+    assert same(baked(samples, skew_mask=image(1.0)), face)
+    half = baked(samples, skew_mask=image(0.5))
+    assert not same(half, smooth) and not same(half, face)
+
+
+def test_a_map_of_ones_changes_nothing():
+    assert same(baked(offset_map=image(1.0)), baked())
+    cage = LOW.replace(positions=LOW.positions * 1.2)
+    assert same(baked(offset_map=image(1.0), cage=cage), baked(cage=cage))
+
+
+def test_an_offset_is_a_factor_of_the_front_distance():
+    assert same(baked(offset_map=image(0.5)), baked(front=0.05))
+    assert same(baked(offset_map=image(2.0)), baked(front=0.2))
+
+
+def test_a_blend_lies_between_both_directions():
+    """A quarter of the way: the normalized sum of three parts of one and one of the other."""
+    rng = np.random.default_rng(4)
+    n = 200
+    faces = rng.integers(0, LOW.n_faces, n).astype(np.int32)
+    samples = Samples(np.zeros(n, np.int32), faces, rng.dirichlet([1, 1, 1], n)[:, 1:].copy())
+    frame = LocalFrame.around(LOW)
+
+    def field(kind, maps=None):
+        return RayField(LOW, frame, kind=kind, front=0.2, back=0.1, maps=maps).rays(samples)
+
+    smooth, face = field("smooth"), field("face")
+    blend = field("smooth", RayMaps.of(skew_mask=image(0.25)))
+    expected = 0.75 * smooth.directions + 0.25 * face.directions
+    expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+    np.testing.assert_allclose(blend.directions, expected, atol=1e-15)
+
+
+def test_an_image_is_looked_up_at_texture_coordinates():
+    """The left half of a mask of 0 and 1 is smooth, its right half straight, apart from between."""
+    mask = np.zeros((1, 64), dtype=np.float32)
+    mask[:, 32:] = 1.0
+    both = baked(1, skew_mask=mask, padding=0).maps["normal"].values
+    smooth = baked(1, padding=0).maps["normal"].values
+    face = baked(1, padding=0, rays="face").maps["normal"].values
+    assert np.array_equal(both[:, :32], smooth[:, :32])
+    assert np.array_equal(both[:, 32:], face[:, 32:])
+
+
+def test_an_offset_limits_the_front_distance():
+    """A surface 0.15 above a plane: found from 0.2 above, and not from 0.1."""
+    low = plane()
+    high = low.replace(positions=low.positions + np.array([0, 0, 0.15]))
+    offset = np.ones((1, 16), dtype=np.float32)
+    offset[:, 8:] = 0.5
+    options = BakeOptions(size=16, front=0.2, back=0.01, padding=0)
+    result = bake(high, low, options, offset_map=offset)
+    assert np.array_equal(result.has_data, np.broadcast_to(np.arange(16) < 8, (16, 16)))
+
+
+@pytest.mark.parametrize(
+    ("images", "message"),
+    [
+        ({"skew_mask": image(1.5)}, "skew_mask: its values go from 1.5 to 1.5; .* 0 to 1"),
+        ({"skew_mask": image(np.nan)}, "skew_mask"),
+        ({"offset_map": image(-1.0)}, "offset_map: .* 0 or more"),
+        ({"offset_map": np.zeros(3)}, "offset_map: the shape"),
+        ({"offset_map": np.zeros((0, 4))}, "offset_map: the shape"),
+    ],
+)
+def test_images_out_of_range_are_an_error(images, message):
+    with pytest.raises(OptionError, match=message):
+        bake(plane(), plane(), BakeOptions(size=8), **images)
+
+
+def test_a_mask_with_rays_along_face_normals_is_an_error():
+    with pytest.raises(OptionError, match="skew_mask, rays"):
+        baked(skew_mask=image(0.5), rays="face")
+    cage = LOW.replace(positions=LOW.positions * 1.2)
+    assert not same(
+        baked(skew_mask=image(1.0), rays="face", cage=cage), baked(rays="face", cage=cage)
+    )
