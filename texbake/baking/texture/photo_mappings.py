@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.texels import SampleGrid
+from texbake.baking.texels import SampleGrid, Samples
 from texbake.baking.texture.canvas import sample_steps
 from texbake.baking.texture.options import PhotoOptions
 from texbake.core import core, portable_math as pm
@@ -49,22 +49,10 @@ _MARGIN_SLOPE = 8.0
 
 
 @dataclass(frozen=True, eq=False)
-class PhotoPoints:
-    """Points on a mesh that are looked up in photographs."""
-
-    faces: IntArray  # (n,) int32
-    barycentrics: FloatArray  # (n, 2) float64; weights of the second and third corner
-    # positions, normals: (n, 3) float64; in the local frame; normals are smooth unit vectors, or
-    # zero.
-    positions: FloatArray
-    normals: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class PhotoLookups:
-    """Where some of the points appear in one photograph."""
+    """Where some of the samples of a mesh appear in one photograph."""
 
-    # (m,) int64; indices of the points that the photograph shows, ascending.
+    # (m,) int64; indices of the samples that the photograph shows, ascending.
     ids: npt.NDArray[np.int64]
     coordinates: FloatArray  # (m, 2) float64; UV coordinates in the photograph, v up
     # (m, 4) float32; du/dx, dv/dx, du/dy, dv/dy with x and y in samples of the baked texture.
@@ -134,40 +122,45 @@ class CameraMapping:
         self._options = options
         self._occluders = occluders
 
-    def look_up(self, points: PhotoPoints) -> PhotoLookups:
-        """Project points, without those behind the camera, out of frame, turned away or hidden."""
-        n = len(points.faces)
+    def look_up(self, samples: Samples, rays: Rays) -> PhotoLookups:
+        """Project samples, but none behind the camera, out of frame, turned away or hidden.
+
+        `rays` begin at the samples, against the smooth normals there.
+        """
+        n, normals = len(samples), -rays.directions
         coordinates, weights = np.empty((n, 2)), np.empty(n)
         derivatives = np.empty((n, 4), np.float32)
 
         def project(start: int, stop: int) -> None:
             band = slice(start, stop)
             core.weigh_by_camera(
-                points.faces[band], points.positions[band], points.normals[band],
+                samples.faces[band], rays.origins[band], normals[band],
                 self._matrix, self._seen_from, self._face_normals, self._steps,
                 self._least_cosine, self._options.falloff, self._options.feather,
                 coordinates[band], derivatives[band], weights[band],
             )  # fmt: skip
 
         run_bands(project, n, band=_BAND, threads=self._options.threads)
-        ids = self._unhidden(points, np.flatnonzero(weights))
+        ids = self._unhidden(samples.faces, rays.origins, np.flatnonzero(weights))
         return PhotoLookups(ids, coordinates[ids], derivatives[ids], weights[ids])
 
-    def _unhidden(self, points: PhotoPoints, ids: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+    def _unhidden(
+        self, faces: IntArray, points: FloatArray, ids: npt.NDArray[np.int64]
+    ) -> npt.NDArray[np.int64]:
         """Those of some points that are visible, as are the four corners of the margin around."""
         scene, seen_from = self._occluders, self._seen_from
         if scene is None:
             return ids
-        ids = ids[~hidden_points(scene, points.positions[ids], points.faces[ids], seen_from)]
+        ids = ids[~hidden_points(scene, points[ids], faces[ids], seen_from)]
         if not self._margin_steps.any():
             return ids
         for across, up in (-1, -1), (1, -1), (-1, 1), (1, 1):
-            positions = points.positions[ids]
+            positions = points[ids]
             depths = pm.matmul(positions, self._matrix[2, :3]) + self._matrix[2, 3]
             step = across * self._margin_steps[:, 0] + up * self._margin_steps[:, 1]
             slack = _MARGIN_SLOPE * pm.norm(step) * depths
             beside = positions + depths[:, None] * step
-            ids = ids[~hidden_points(scene, beside, points.faces[ids], seen_from, slack)]
+            ids = ids[~hidden_points(scene, beside, faces[ids], seen_from, slack)]
         return ids
 
 
@@ -195,21 +188,21 @@ class UvMapping:
         self._facing = _facing_by_area(mesh, mapped)
         self._options = options
 
-    def look_up(self, points: PhotoPoints) -> PhotoLookups:
-        """Look points up; leave out those outside the photograph or without area in it."""
-        n = len(points.faces)
+    def look_up(self, samples: Samples, rays: Rays) -> PhotoLookups:
+        """Look samples up; leave out those outside the photograph or without area in it."""
+        n = len(samples)
         coordinates, weights = np.empty((n, 2)), np.empty(n)
 
         def look_up(start: int, stop: int) -> None:
             band = slice(start, stop)
             core.weigh_by_area(
-                points.faces[band], points.barycentrics[band], self._corners, self._facing,
+                samples.faces[band], samples.barycentrics[band], self._corners, self._facing,
                 self._options.falloff, self._options.feather, coordinates[band], weights[band],
             )  # fmt: skip
 
         run_bands(look_up, n, band=_BAND, threads=self._options.threads)
         ids = np.flatnonzero(weights)
-        derivatives = self._steps[points.faces[ids]].transpose(0, 2, 1).reshape(-1, 4)
+        derivatives = self._steps[samples.faces[ids]].transpose(0, 2, 1).reshape(-1, 4)
         return PhotoLookups(ids, coordinates[ids], derivatives.astype(np.float32), weights[ids])
 
 

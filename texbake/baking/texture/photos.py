@@ -24,7 +24,6 @@ from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photo_mappings import (
     CameraMapping,
     PhotoLookups,
-    PhotoPoints,
     UvMapping,
 )
 from texbake.core import portable_math as pm
@@ -240,12 +239,9 @@ def bake_photos(
     for band in canvas.bands():
         with stages.part("project photographs"):
             rays = field.rays(band.samples)
-            points = PhotoPoints(
-                band.samples.faces, band.samples.barycentrics, rays.origins, -rays.directions
-            )
             sums = []
             for photo, mapping in zip(pixels, mappings, strict=True):
-                lookups = mapping.look_up(points)
+                lookups = mapping.look_up(band.samples, rays)
                 sums.append(band.sums(photo.weighted_colors(lookups), lookups.ids))
             total = np.sum(sums, axis=0)
             seen = total[:, 3] > 0.0
