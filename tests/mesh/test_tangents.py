@@ -149,55 +149,51 @@ class TestInvariance:
         assert corner_tangents(split).tobytes() == corner_tangents(mesh).tobytes()
 
 
-class TestDegenerate:
-    def test_face_without_texture_area_takes_its_neighbors_tangents(self):
-        # Corner 3 has the coordinates of corner 2: only the vertices of the shared edge have any.
-        uvs = [[0, 0], [1, 0], [1, 1], [1, 1]]
-        tangents = corner_tangents(square_mesh(uvs))
-        assert (tangents[0] == [1, 0, 0, 1]).all()
-        assert (tangents[1, :2] == [1, 0, 0, 1]).all()
-        assert (tangents[1, 2] == [1, 0, 0, -1]).all()
+def with_one_normal(normal, uvs):
+    return square_mesh(uvs, normals=[normal], normal_faces=np.zeros((2, 3), int))
 
-    def test_without_any_texture_area_the_tangent_is_the_references_default(self):
-        tangents = corner_tangents(square_mesh(np.zeros((4, 2))))
-        assert (tangents == [1, 0, 0, -1]).all()
 
-    def test_default_is_perpendicular_where_the_normal_is_along_x(self):
-        turned = SQUARE[:, [2, 0, 1]]
-        tangents = corner_tangents(square_mesh(np.zeros((4, 2)), positions=turned))
-        assert (tangents[..., 0] == 0).all()
-        assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1).max() < ROUNDING
-        assert (tangents[..., 3] == 1).all()
+X, MIRRORED = [1, 0, 0, 1], [1, 0, 0, -1]
+BESIDE = [[0, 0, 1], *SQUARE_FACES]
+COLLAPSED = [[0, 0, 1], [2, 2, 2]]
+UVS = SQUARE[:, :2]
+DEGENERATE = {
+    # Corner 3 has the coordinates of corner 2: only the vertices of the shared edge have any.
+    "face without texture area": (
+        square_mesh([[0, 0], [1, 0], [1, 1], [1, 1]]), [[X] * 3, [X, X, MIRRORED]]
+    ),
+    "no texture area, the default of the reference": (square_mesh(np.zeros((4, 2))), MIRRORED),
+    "collapsed face, which copies from its vertices": (
+        Mesh(positions=SQUARE, faces=BESIDE, uvs=UVS * [-1, 1], uv_faces=BESIDE),
+        [-1, 0, 0, -1],
+    ),
+    "collapsed faces alone": (
+        Mesh(positions=SQUARE, faces=COLLAPSED, uvs=UVS, uv_faces=COLLAPSED), MIRRORED
+    ),
+    "zero normal, which leaves the direction in the face": (with_one_normal([0, 0, 0], UVS), X),
+}  # fmt: skip
 
-    def test_collapsed_face_copies_from_its_vertices(self):
-        faces = [[0, 0, 1], *SQUARE_FACES]
-        uvs = SQUARE[:, :2] * [-1, 1]
-        tangents = corner_tangents(Mesh(positions=SQUARE, faces=faces, uvs=uvs, uv_faces=faces))
-        assert (tangents == [-1, 0, 0, -1]).all()
 
-    def test_mesh_of_collapsed_faces(self):
-        faces = [[0, 0, 1], [2, 2, 2]]
-        mesh = Mesh(positions=SQUARE, faces=faces, uvs=SQUARE[:, :2], uv_faces=faces)
-        assert (corner_tangents(mesh) == [1, 0, 0, -1]).all()
+@pytest.mark.parametrize("name", DEGENERATE)
+def test_degenerate_faces_have_the_tangents_of_the_reference(name):
+    mesh, expected = DEGENERATE[name]
+    assert (corner_tangents(mesh) == expected).all()
 
-    @pytest.mark.parametrize("flip", [1.0, -1.0])
-    def test_canceled_direction_gives_a_perpendicular_and_keeps_the_sign(self, flip):
+
+@pytest.mark.parametrize(
+    ("mesh", "sign"),
+    [
+        (square_mesh(np.zeros((4, 2)), positions=SQUARE[:, [2, 0, 1]]), 1),  # normals along x
         # The normal lies along the direction of u: nothing of it is left in the normal's plane.
-        mesh = square_mesh(
-            SQUARE[:, :2] * [1.0, flip],
-            normals=[[1.0, 0.0, 0.0]],
-            normal_faces=np.zeros((2, 3), int),
-        )
-        tangents = corner_tangents(mesh)
-        assert (tangents[..., 0] == 0).all()
-        assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1).max() < ROUNDING
-        assert (tangents[..., 3] == flip).all()
-
-    def test_zero_normal_leaves_the_direction_in_the_face(self):
-        mesh = square_mesh(
-            SQUARE[:, :2], normals=[[0.0, 0.0, 0.0]], normal_faces=np.zeros((2, 3), int)
-        )
-        assert (corner_tangents(mesh) == [1, 0, 0, 1]).all()
+        (with_one_normal([1, 0, 0], UVS), 1),
+        (with_one_normal([1, 0, 0], UVS * [1, -1]), -1),
+    ],
+)
+def test_without_a_direction_tangents_are_perpendicular_to_the_normal(mesh, sign):
+    tangents = corner_tangents(mesh)
+    assert (tangents[..., 0] == 0).all()
+    assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1).max() < ROUNDING
+    assert (tangents[..., 3] == sign).all()
 
 
 def test_no_texture_coordinates():

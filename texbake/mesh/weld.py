@@ -61,9 +61,7 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     return firsts
 
 
-def unique_rows(
-    rows: npt.NDArray[Any], *, threads: int | None = None
-) -> tuple[npt.NDArray[np.intp], IntArray]:
+def unique_rows(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[np.intp], IntArray]:
     """Places of the first of equal rows, in order, and the number of each row among them.
 
     Examples
@@ -71,7 +69,7 @@ def unique_rows(
     >>> unique_rows(np.array([[1.0], [2.0], [1.0]]))
     (array([0, 1]), array([0, 1, 0], dtype=int32))
     """
-    firsts = weld_rows(rows, threads=threads)
+    firsts = weld_rows(rows)
     is_first = firsts == np.arange(len(firsts), dtype=np.int32)
     numbers = np.cumsum(is_first, dtype=np.int32) - np.int32(1)
     return np.flatnonzero(is_first), numbers[firsts]
