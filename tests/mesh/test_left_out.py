@@ -207,6 +207,22 @@ def test_fbx_of_old_versions_is_named(tmp_path, version, name, form):
         read_mesh(tmp_path / "a.fbx")
 
 
+@pytest.mark.parametrize(
+    ("geometry", "message"),
+    [
+        (("Geometry", [74, "\0\1Geometry", "NurbsSurface"], []), "no faces, but 1 NURBS surface;"),
+        (
+            ("Geometry", [74, "\0\1Geometry", "Mesh"], shape(polygons=np.zeros(0, "i4"))),
+            "are empty;",
+        ),
+    ],
+)
+def test_why_an_fbx_file_is_empty(tmp_path, geometry, message):
+    (tmp_path / "a.fbx").write_bytes(written([("Objects", [], [geometry])], 7400, "binary"))
+    with pytest.raises(MeshError, match=message):
+        read_mesh(tmp_path / "a.fbx")
+
+
 def test_omissions_that_change_an_fbx_surface_are_named(tmp_path):
     nodes = scene(geometry=[
         ("Smoothness", [2], []), ("PreviewDivisionLevels", [2], []), *shape(),
