@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from random_scenes import write_images
 
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.camera import Camera
@@ -70,3 +71,11 @@ class Wall:
 @pytest.fixture(scope="session")
 def wall():
     return Wall()
+
+
+@pytest.fixture(scope="session")
+def images(tmp_path_factory):
+    """A folder with the images of random scenes."""
+    folder = tmp_path_factory.mktemp("images")
+    write_images(folder)
+    return folder

@@ -86,16 +86,6 @@ def random_scene(seed: int, folder: Path) -> tuple[Scene, RenderOptions]:
     return scene, options
 
 
-def has_rendered_environments(scene: Scene) -> bool:
-    """Whether a mirror shows pictures of the scene itself."""
-    mirrors = [
-        mirror
-        for item in scene.objects
-        for mirror in (item.material.reflection, item.material.refraction)
-    ]
-    return any(mirror is not None and mirror.environment == "rendered" for mirror in mirrors)
-
-
 def with_object(scene: Scene, place: int, item: SceneObject) -> Scene:
     """Return a scene with another object in the place of one."""
     return replace(scene, objects=(*scene.objects[:place], item, *scene.objects[place + 1 :]))

@@ -91,15 +91,6 @@ def test_errors_are_those_of_the_pixels_that_either_model_touches(tmp_path: Path
     assert found.worst_db == min(found.psnr_db) == found.psnr_db[found.worst_view]
 
 
-def test_a_coarser_model_is_further_off(tmp_path: Path) -> None:
-    fine = painted((0.5, 0.5, 0.5), tmp_path / "fine.glb", uv_sphere(48, 64))
-    errors = []
-    for n in 24, 6:
-        coarse = painted((0.5, 0.5, 0.5), tmp_path / f"{n}.glb", uv_sphere(n, n))
-        errors.append(compare_models(fine, coarse, n_views=4, options=SMALL).mean_db)
-    assert 15 < errors[1] < errors[0] - 5
-
-
 def test_other_formats_show_their_materials(tmp_path: Path) -> None:
     """An OBJ file with an image for its roughness, and its GLB, packed as glTF has it."""
     from texbake.verbs.transform import transform_file

@@ -230,11 +230,6 @@ def test_without_normals_it_is_flat_and_with_normals_tangents_count(tmp_path):
     np.testing.assert_array_equal(item.mesh.tangents, [tangents])
 
 
-def test_v_is_turned_up(asset, tmp_path):
-    mesh = asset.read(tmp_path).objects[0].mesh
-    np.testing.assert_array_equal(mesh.corner_uvs()[0], [[0, 1], [1, 1], [0, 0]])
-
-
 def test_each_node_places_each_primitive(asset, tmp_path):
     asset.add(POSITION=CORNERS + 5)
     asset.json["nodes"] = [

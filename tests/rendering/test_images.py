@@ -41,24 +41,6 @@ def nearest(texels, uvs):
     return texels[np.floor(y).astype(int) % height, np.floor(x).astype(int) % width], sure
 
 
-def test_a_texel_is_where_its_coordinates_say(wall):
-    found = wall.light(unlit(ImageTexture(image=TEXELS, filter="nearest")))
-    expected, sure = nearest(TEXELS, wall.uvs)
-    assert sure.mean() > 0.95
-    np.testing.assert_array_equal(found[sure], expected[sure])
-
-
-def test_coordinates_are_scaled_then_turned_then_moved(wall):
-    image = ImageTexture(
-        image=TEXELS, filter="nearest", scale=(2.0, -3.0), rotate=30.0, offset=(0.3, 0.7)
-    )
-    sine, cosine = math.sin(math.radians(30)), math.cos(math.radians(30))
-    scaled = wall.uvs * (2.0, -3.0)
-    turned = scaled @ np.array([[cosine, sine], [-sine, cosine]])  # counter-clockwise
-    expected, sure = nearest(TEXELS, turned + np.array((0.3, 0.7)))
-    np.testing.assert_array_equal(wall.light(unlit(image))[sure], expected[sure])
-
-
 @pytest.mark.parametrize("filter_name", ["trilinear", "ewa"])
 def test_a_transform_of_the_image_is_one_of_the_coordinates_for_its_filter_too(wall, filter_name):
     # What a pixel covers is scaled and turned as well.
@@ -122,22 +104,6 @@ def test_the_filter_of_the_options_goes_before_that_of_the_image(wall):
     np.testing.assert_array_equal(found, other)
 
 
-def test_an_image_is_read_once_for_all_pictures(wall, monkeypatch):
-    reads = []
-    images = sys.modules["texbake.rendering.effects.images"]
-    real = images.colors_from
-    monkeypatch.setattr(images, "colors_from", lambda *a, **k: (reads.append(1), real(*a, **k))[1])
-    scene = Scene(
-        objects=(SceneObject(mesh=wall.mesh(), material=unlit(ImageTexture(image=TEXELS))),)
-    )
-    prepared = prepare(scene, wall.options)
-    first = draw(prepared, wall.camera)
-    second = draw(prepared, wall.camera)
-    assert len(reads) == 1
-    assert first.color.tobytes() == second.color.tobytes()
-    assert second.costs.by_name["mip maps"].n_bytes == 0 < first.costs.by_name["mip maps"].n_bytes
-
-
 def test_an_image_of_several_objects_and_slots_is_read_once_for_each_use(wall, monkeypatch):
     images = sys.modules["texbake.rendering.effects.images"]
     calls = []
@@ -146,18 +112,15 @@ def test_an_image_of_several_objects_and_slots_is_read_once_for_each_use(wall, m
         monkeypatch.setattr(
             images, name, lambda *a, n=name, f=real, **k: (calls.append(n), f(*a, **k))[1]
         )
-    material = unlit(
-        ImageTexture(image=TEXELS), emission=ImageTexture(image=TEXELS), opacity=texture_of(0)
-    )
+    image = ImageTexture(image=TEXELS)
+    material = unlit(image, emission=image, opacity=replace(image, channel=0))
     items = [SceneObject(mesh=wall.mesh(), material=material) for _ in range(3)]
-    frame = draw(prepare(Scene(objects=tuple(items)), wall.options), wall.camera)
+    prepared = prepare(Scene(objects=tuple(items)), wall.options)
+    first, second = (draw(prepared, wall.camera) for _ in range(2))
     assert sorted(calls) == ["channel_of", "colors_from", "mip_chain", "mip_chain"]
-    n_texels = 6 * 9 * (3 + 1)
-    assert frame.costs.by_name["images"].n_bytes == 4 * n_texels
-
-
-def texture_of(channel):
-    return ImageTexture(image=TEXELS, channel=channel)
+    assert first.costs.by_name["images"].n_bytes == 4 * 6 * 9 * (3 + 1)
+    assert first.color.tobytes() == second.color.tobytes()
+    assert second.costs.by_name["mip maps"].n_bytes == 0 < first.costs.by_name["mip maps"].n_bytes
 
 
 def test_what_does_not_fit_is_one_error(wall):

@@ -513,12 +513,3 @@ def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
     ]  # fmt: skip
     with pytest.raises(AssertionError, match="tree comes before ground"):
         compile_plan(request, effects[::-1])
-
-
-def test_names_of_effects_are_their_own_and_their_sentences_short():
-    assert len({effect.name for effect in EFFECTS}) == len(EFFECTS)
-    assert set(CASES) >= {effect.name for effect in EFFECTS}
-    for effect in EFFECTS:
-        assert effect.of in ("object", "light", "picture")
-        for sentence in effect.does, effect.left_out:
-            assert 0 < len(sentence) < 80 and not sentence.endswith(".")

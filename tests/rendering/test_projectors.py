@@ -133,17 +133,6 @@ def test_a_picture_replaces_the_base_color_inside_its_square() -> None:
     np.testing.assert_array_equal(found[on_floor & far], expected[on_floor & far])
 
 
-def test_a_matrix_may_have_three_rows() -> None:
-    matrix = projector_matrix(position=(1, 4, 0), target=(0, 0, 0), up=(0, 0, -1), fov=40.0)
-    pictures = [
-        ProjectedTexture(texture=ImageTexture(image=QUARTERS), matrix=rows)
-        for rows in (matrix, matrix[[0, 1, 3]])
-    ]
-    whole, three = (drawn(replace(GRAY, projected=(picture,))) for picture in pictures)
-    np.testing.assert_array_equal(whole, three)
-    np.testing.assert_array_equal(pictures[1].matrix[2], matrix[3])
-
-
 @pytest.mark.parametrize("matrix", [np.eye(3), np.full((3, 4), np.nan), np.eye(4)[None]])
 def test_other_matrices_are_refused(matrix: np.ndarray) -> None:
     with pytest.raises(OptionError, match="it is not 4 x 4 or 3 x 4 finite numbers"):

@@ -69,15 +69,6 @@ def flat_visibility(points, faces, width, height, **options):
     )
 
 
-def count_owners(positions, faces, matrix, width, height):
-    """How many of the faces, each drawn alone, own each sample."""
-    counts = np.zeros((height, width), int)
-    for face in np.asarray(faces, np.int32):
-        alone = drawn(positions, face[None], matrix, width, height, back_faces="show")
-        counts += alone.face_ids == 0
-    return counts
-
-
 # Half sample steps, so that many corners and edges run through samples; off the screen too; wide
 # and narrow triangles, for both ways of finding the samples of a row.
 half_samples = st.integers(-40, 104).map(lambda i: i * SUBPIXELS // 2)
@@ -90,33 +81,6 @@ corner = st.tuples(half_samples | anywhere, half_samples | anywhere)
 def test_a_triangle_owns_the_samples_of_the_top_left_rule(points):
     visibility = flat_visibility(points, [[0, 1, 2]], 32, 32)
     np.testing.assert_array_equal(visibility.face_ids == 0, owned(points, 32, 32))
-
-
-@settings(max_examples=25)
-@given(st.integers(0, 2**32 - 1))
-def test_a_triangulation_of_the_screen_owns_each_sample_once(seed):
-    rng = np.random.default_rng(seed)
-    n, size = 6, 64
-    step = size * SUBPIXELS // n // 2 * 2
-    columns, rows = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
-    points = np.stack([columns, rows], axis=-1) * step
-    # Up to a third of a cell keeps every cell convex enough for both diagonals not to fold.
-    jitter = rng.integers(-step // 6, step // 6 + 1, (n - 1, n - 1, 2))
-    snapped = rng.random((n - 1, n - 1)) < 0.5
-    jitter[snapped] = jitter[snapped] // SUBPIXELS * SUBPIXELS + SUBPIXELS // 2
-    points[1:-1, 1:-1] += jitter
-    index = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    a, b, c, d = (
-        quad.ravel() for quad in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
-    )
-    rising = rng.random(n * n) < 0.5
-    first = np.where(rising, [a, b, d], [a, b, c]).T
-    second = np.where(rising, [b, c, d], [a, c, d]).T
-    faces = np.concatenate([first, second])
-    counts = count_owners(from_grid(points.reshape(-1, 2), size, size), faces, FLAT, size, size)
-    # The grid ends within a sample of the screen's edge, beyond the last sample's center.
-    assert size * SUBPIXELS - SUBPIXELS // 2 < n * step <= size * SUBPIXELS
-    assert (counts == 1).all()
 
 
 @pytest.mark.parametrize("direction", range(7))

@@ -1,5 +1,8 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from random_scenes import random_scene
 
 from texbake.errors import FileError
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
@@ -163,3 +166,13 @@ def test_what_was_loaded_before_an_error_is_not_loaded_again(monkeypatch, stops)
         draw(prepared, camera)
     draw(prepared, camera)
     assert loaded == list("0123")
+
+
+def test_every_number_of_threads_draws_the_same_bytes(images):
+    for seed in range(12):
+        scene, options = random_scene(seed, images)
+        options = replace(options, width=96, height=800)  # more rows than threads get at a time
+        camera = camera_of(scene, options)
+        one, three = (draw(prepare(scene, options, threads=n), camera) for n in (1, 3))
+        assert one.color.tobytes() == three.color.tobytes(), seed
+        assert one.depths.tobytes() == three.depths.tobytes(), seed

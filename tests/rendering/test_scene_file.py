@@ -236,10 +236,10 @@ def test_the_studio_is_an_environment_without_a_file(folder):
 
 
 def test_a_mesh_of_two_objects_is_read_once_and_names_differ(folder):
-    scene = read(folder, '[[objects]]\nmesh = "ball.obj"\n' * 2)
-    first, second = scene.objects
-    assert first.mesh is second.mesh
-    assert (first.name, second.name) == ("ball", "ball 2")
+    plane = '[[objects]]\nshape = "plane"\n'
+    objects = read(folder, '[[objects]]\nmesh = "ball.obj"\n' * 3 + plane).objects
+    assert objects[0].mesh is objects[1].mesh is objects[2].mesh
+    assert [item.name for item in objects] == ["ball", "ball 2", "ball 3", "plane"]
 
 
 def test_projectors(folder):
@@ -430,12 +430,6 @@ def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
     with pytest.raises(FileFormatError, match=r"objects\[\d\].shape: .* 6,000,000 are the most"):
         read_scene(path)
     assert 0 < len(made) < 5
-
-
-def test_many_objects_of_one_name_get_names_of_their_own(tmp_path):
-    path = tmp_path / "many.toml"
-    path.write_text('[[objects]]\nshape = "cube"\n' * 3 + '[[objects]]\nshape = "plane"\n')
-    assert [item.name for item in read_scene(path).objects] == ["cube", "cube 2", "cube 3", "plane"]
 
 
 # The documentation of scene files matches the keys that the reader accepts.

@@ -4,11 +4,14 @@ Every image here is missing, so that reading one is an error. Each case comes wi
 counts, for which that error must come.
 """
 
+import os
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from random_scenes import random_scene
 
 from texbake.errors import FileError
 from texbake.mesh.shapes import uv_sphere
@@ -31,6 +34,7 @@ from texbake.rendering.scene.material import (
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
 
+N_RANDOM_SCENES = int(os.environ.get("TEXBAKE_RANDOM_SCENES", "16"))
 OPTIONS = RenderOptions(width=32, height=24)
 IMAGE = ImageTexture(image="missing.png")
 LIGHT = Light(direction=(0.3, -0.4, -1.0))
@@ -329,3 +333,19 @@ def test_a_black_or_perfect_mirror_keeps_its_bumps() -> None:
         np.testing.assert_array_equal(found, whole)
         flat = scene_of(SKY, **(material | {"bump_map": None}))
         assert np.abs(found - draw(prepare(flat, OPTIONS), camera).color).max() > 0.05
+
+
+def test_simpler_materials_look_the_same(images: Path) -> None:
+    """An effect of the caller's own keeps materials as they are."""
+    for seed in range(N_RANDOM_SCENES):
+        scene, options = random_scene(seed, images)
+        camera = camera_of(scene, options)
+        masks = any(item.material.alpha_mode == "mask" for item in scene.objects)
+        if masks and scene.lighting.occlusion is not None:
+            continue  # what is opaque by its mask hides ambient light, too
+        found, whole = (
+            draw(prepare(scene, options, effects=effects, threads=1), camera)
+            for effects in (EFFECTS, (*EFFECTS, NOTHING))
+        )
+        np.testing.assert_allclose(found.color, whole.color, atol=1e-6, err_msg=str(seed))
+        np.testing.assert_array_equal(found.coverage, whole.coverage, str(seed))

@@ -94,17 +94,6 @@ def test_any_cut_leaves_no_crack_and_moves_nothing(shape, seed, share):
     assert (np.diff(pieces.base_faces) >= 0).all()
 
 
-def test_all_edges_cut_is_the_regular_division():
-    pieces, points, _ = start(icosphere(0))
-    for level in range(1, 5):
-        pieces, points, _ = cut_once(pieces, points, np.ones(len(pieces.ends), bool))
-        assert (pieces.n_vertices, len(pieces.ends), len(pieces.faces)) == (
-            10 * 4**level + 2, 30 * 4**level, 20 * 4**level,
-        )  # fmt: skip
-        lengths = np.linalg.norm(np.diff(points[pieces.ends], axis=1)[:, 0], axis=1)
-        np.testing.assert_allclose(lengths, lengths[0], rtol=1e-12)
-
-
 def test_weights_stay_exact_for_as_many_cuts_as_are_made():
     # Always the half of the diagonal at the first corner: its middle is at (2^-n, 2^-n) / 2.
     pieces, points, _ = start(plane())
