@@ -39,6 +39,9 @@ def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
     assert (found["n_faces"], found["n_vertices"]) == (11_400, 5_800)
     assert found["n_boundary_edges"] == 200  # the two rings about the poles
     assert done.stderr == ""
+    assert "triangles" not in run("info high.ply").stdout  # all faces are
+    Path("quad.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    assert "faces 1 triangles 2 vertices 4" in " ".join(run("info quad.obj").stdout.split())
 
 
 def test_info_lists_materials_and_images(workplace: Path, invoke: Invoke) -> None:

@@ -55,7 +55,18 @@ COMMANDS = {
     "convert": ["convert", "a.gltf", "out.glb"],
     "preview": ["preview", "a.gltf", "-o", "out.png", "--size", "16x16"],
     "scene": ["preview", "scene.toml", "-o", "out.png", "--size", "16x16"],
-    "lighten": ["lighten", "a.gltf", "-o", "out.glb", "--size", "16", "--views", "1"],
+    "lighten": [
+        "lighten",
+        "a.gltf",
+        "-o",
+        "out.glb",
+        "--size",
+        "16",
+        "--views",
+        "1",
+        "--report",
+        "r.json",
+    ],
     "run": ["run", "a.gltf", "-o", "out", "--faces", "4", "--size", "64"],
     "bake": ["bake", "a.gltf", "a.gltf", "-o", "out", "--maps", "base-color", "--size", "16"],
 }
@@ -77,6 +88,9 @@ def test_a_missing_image_is_one_warning_and_neutral(tmp_path, monkeypatch, comma
     assert result.exit_code == 0, result.stderr
     lines = [line for line in result.stderr.splitlines() if "keeps its factors" in line]
     assert len(lines) == 1 and "skin: " in lines[0] and "gone.png" in lines[0]
+    if command == "lighten":
+        sizes = [(tmp_path / name).stat().st_size for name in ("a.gltf", "plane.bin")]
+        assert json.loads((tmp_path / "r.json").read_text())["n_bytes_before"] == sum(sizes)
     if (tmp_path / "out.glb").exists():
         mesh = read_mesh(tmp_path / "out.glb")
         (material,) = read_materials(tmp_path / "out.glb", mesh).materials

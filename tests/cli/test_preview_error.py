@@ -52,12 +52,6 @@ def test_a_time_budget_is_given_and_its_bound_gives_the_same_file(
     assert (tmp_path / "cube.png").read_bytes() == written
 
 
-def test_a_picture_without_a_bound_reports_no_error(mesh: str, tmp_path: Path) -> None:
-    result = preview(mesh, tmp_path, "--explain")
-    assert result.exit_code == 0, result.output
-    assert "error in steps" not in result.output
-
-
 def test_turntables_accept_a_bound(mesh: str, tmp_path: Path) -> None:
     line = ["preview", mesh, "-o", str(tmp_path / "turn"), "--size", "32", "--view", "turntable:2"]
     result = CliRunner().invoke(texbake, [*line, "--max-error", "0.02"])

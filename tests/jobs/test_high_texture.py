@@ -12,6 +12,7 @@ from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane
 from texbake.texture.image import read_image, write_image
+from texbake.verbs.step import Job, find_step
 
 
 @pytest.fixture
@@ -51,3 +52,21 @@ def test_a_map_of_one_number_takes_a_gray_image(folder: Path) -> None:
     maps = bake_with(folder, "gray.png", "roughness")
     (written,) = maps.glob("*roughness*")
     assert np.abs(read_image(written, color=False).pixels - 128 / 255).max() < 0.005
+
+
+@pytest.mark.parametrize(
+    ("maps", "has_image"), [(("base-color",), True), (("normal", "ao"), False)]
+)
+def test_a_step_with_little_memory_reads_whole_what_must_be_whole(
+    folder: Path, maps: tuple[str, ...], has_image: bool
+) -> None:
+    write_mesh(plane(200, 200), folder / "high.ply")
+    inputs = {"high": (folder / "high.ply",), "low": (folder / "low.obj",)}
+    if has_image:
+        inputs["high_texture"] = (folder / "colored.png",)
+    outputs = {name: folder / f"{name}.png" for name in (*maps, "misses")}
+    step = find_step("bake")
+    settings = step.settings({"maps": maps, "size": 8, "front": 0.1, "back": 0.1})
+    outputs["report"] = folder / "report.json"
+    job = Job(settings=settings, inputs=inputs, outputs=outputs, threads=1, most_memory=1)
+    assert step.run(job)["texels_covered"] == 64

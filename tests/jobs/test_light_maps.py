@@ -207,12 +207,6 @@ def test_a_lit_plane_has_no_speck(elevation: float, scale: float) -> None:
     assert map_.values.min() > 0.99 * map_.values.max() > 0.0
 
 
-def test_a_light_at_a_surface_gives_finite_light() -> None:
-    lamp = Light(kind="point", position=(3.0 / SIZE, 0.0, 3.0 / SIZE), shadow=SHADOW)
-    (map_,) = baked(FLOOR, lights=(lamp,))
-    assert np.isfinite(map_.values).all()
-
-
 def test_threads_change_no_byte() -> None:
     lamps = tuple(LAMPS.values())
     one, more = (baked(FLOOR, BALL, lights=lamps, samples=4, threads=threads) for threads in (1, 3))

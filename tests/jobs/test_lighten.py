@@ -2,13 +2,11 @@
 
 import json
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from texbake.errors import FileFormatError, OptionError, ReadWarning, heard_warnings
-from texbake.jobs.lighten import _once
+from texbake.errors import OptionError, ReadWarning, heard_warnings
 from texbake.jobs.options import LightenOptions, RunOptions
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
@@ -247,14 +245,3 @@ def test_pictures_of_both_are_compared(model, tmp_path):
     assert figures["worst_db"] > 25.0
     with pytest.raises(OptionError, match="one view or more"):
         lighten_file(model, tmp_path / "light.glb", OPTIONS, html=page)
-
-
-def test_only_glb_files_hold_a_lightened_model(model, tmp_path):
-    with pytest.raises(FileFormatError, match=r"use \.glb"):
-        lighten_file(model, tmp_path / "light.obj", OPTIONS)
-
-
-def test_what_the_pictures_do_not_show_is_a_warning_once():
-    comparison = SimpleNamespace(notes=("a.glb: it uses KHR_x", "a.glb: it uses KHR_x"))
-    assert _once(["lost"], comparison) == ("lost", "a.glb: it uses KHR_x")
-    assert _once(["lost", "lost"], None) == ("lost",)

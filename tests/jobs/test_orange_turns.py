@@ -9,7 +9,8 @@ import pytest
 
 from texbake.jobs.options import DemoOptions
 from texbake.jobs.orange_turns import METHODS, TRUTH, TURNS, measure_turns, turns_svg
-from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.files import read_mesh
+from texbake.mesh.shapes import orange, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare, relight
 from texbake.rendering.options import RenderOptions
@@ -132,7 +133,11 @@ def test_the_page_of_the_demo_shows_the_plots(tmp_path, monkeypatch, turns):
     options = DemoOptions(triangles=5_000, faces=100, size=64)
     page = tmp_path / "new" / "orange.html"
     result = demo_files(tmp_path / "new", options, html=page, command="texbake demo")
-    assert result.files["html"] == page
+    assert result.files["html"] == page and result.stages[0].name == "make the orange"
+    assert all(path.is_file() for path in result.files.values())
+    high = read_mesh(result.files["high"])
+    np.testing.assert_array_equal(high.faces, orange(5_000).faces)
+    assert result.comparison.displaced.mean_deg < 0.8 * result.comparison.bare.mean_deg
     text = page.read_text()
     assert "The light and the viewer turn" in text
     assert text.count("<polyline") == len(TURNS) * len(METHODS)
