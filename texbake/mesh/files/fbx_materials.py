@@ -142,9 +142,9 @@ class _MaterialReader:
         if material is None:
             return MeshMaterial(name="default")
         channels = {}
-        color = _color(material)
-        if color is not None:
-            channels["base-color"] = ChannelSource(color)
+        color = next(filter(material.properties.__contains__, _COLORS), "")
+        if len(values := _floats(material.properties, color)) >= 3:
+            channels["base-color"] = ChannelSource(tuple(values[:3]))
         alpha = _opacity(material, self.scene.defaults["Material"])
         if alpha < 1.0:
             channels["alpha"] = ChannelSource((alpha,))
@@ -202,13 +202,6 @@ def _opacity(material: FbxObject, defaults: dict[str, list[Any]]) -> float:
     else:
         alpha = 1.0
     return float(min(max(alpha, 0.0), 1.0))
-
-
-def _color(material: FbxObject) -> tuple[float, float, float] | None:
-    """Return the diffuse color of a material; None where it has none of three numbers."""
-    name = next(filter(material.properties.__contains__, _COLORS), "")
-    values = _floats(material.properties, name)
-    return (values[0], values[1], values[2]) if len(values) >= 3 else None
 
 
 def _floats(properties: dict[str, list[Any]], name: str) -> list[float]:

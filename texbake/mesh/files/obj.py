@@ -80,7 +80,11 @@ def read_obj(path: PathLike) -> Mesh:
                 continue
             array, _ = read_values(path, data, lines, part, width)
             array = finite_rows(path, array, values)
-            fields[values], indices = _completed(array, indices)
+            missing = indices < 0
+            if missing.any():  # corners without an index share one more row, of zeros
+                array = np.concatenate([array, np.zeros((1, width))])
+                indices = np.where(missing, np.int32(len(array) - 1), indices)
+            fields[values] = array
         fields[corner_name] = indices.reshape(-1, 3) if slots is None else indices[slots]
     fields["polygon_of"] = polygons
     marks = read_marks(data, lines)
@@ -121,17 +125,6 @@ def _read_colors(
     colors[has_color] = unit_colors(path, values[has_color, 3:])
     colors[n_words == 6, 3:] = 1.0
     return colors
-
-
-def _completed(values: FloatArray, corners: IntArray) -> tuple[FloatArray, IntArray]:
-    """Add a zero row for the corners that have no index, where there are any."""
-    missing = corners < 0
-    if not missing.any():
-        return values, corners
-    return (
-        np.concatenate([values, np.zeros((1, values.shape[1]))]),
-        np.where(missing, np.int32(len(values)), corners),
-    )
 
 
 _MARK = re.compile(rb"(o|g|s|usemtl)\b[^\S\r\n]*([^\r\n]*)")
