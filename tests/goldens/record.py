@@ -178,8 +178,14 @@ def run_gallery() -> None:
 
 
 def run_pipeline() -> None:
-    """Build samples/pipeline.toml; the store keeps the same files under their keys."""
-    run_command("build", str(SAMPLES / "pipeline.toml"), "-o", "built")
+    """Build samples/pipeline.toml, with small pictures in its pages, which are for people."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "samples"
+        shutil.copytree(SAMPLES, copy, ignore=shutil.ignore_patterns("gallery*"))
+        text = (copy / "pipeline.toml").read_text(encoding="utf-8")
+        text = text.replace('do = "page"\n', 'do = "page"\nsize = 64\n')
+        (copy / "pipeline.toml").write_text(text, encoding="utf-8")
+        run_command("build", str(copy / "pipeline.toml"), "-o", "built")
 
 
 GROUPS: dict[str, Callable[[], None]] = {

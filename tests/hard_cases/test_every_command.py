@@ -189,8 +189,14 @@ def test_what_is_undecided_is_named_by_meshes_and_kinds_that_there_are():
     assert {mesh for _, mesh, _ in ONCE_FAILED} <= names
 
 
+@pytest.fixture
+def small_pictures(monkeypatch):
+    for name in "jobs.options._PICTURE_SIZE", "rendering.compare_models._PICTURE_PX":
+        monkeypatch.setattr(f"texbake.{name}", 32)
+
+
 @pytest.mark.parametrize("name", ["2^50", "by 2^10 sizes"])
-def test_a_whole_run_changes_no_bit_of_its_maps(name, case_named, tmp_path):
+def test_a_whole_run_changes_no_bit_of_its_maps(name, case_named, small_pictures, tmp_path):
     (change,) = (change for change in CHANGES if change.name == name)
     options = texbake.RunOptions(n_faces=60, size=32, padding=1, quality="fast", threads=1)
     results = []
@@ -204,7 +210,7 @@ def test_a_whole_run_changes_no_bit_of_its_maps(name, case_named, tmp_path):
     np.testing.assert_array_equal(two.baked.maps["normal"].values, one.baked.maps["normal"].values)
 
 
-def test_a_lightened_model_has_the_same_images_at_another_size(tmp_path):
+def test_a_lightened_model_has_the_same_images_at_another_size(small_pictures, tmp_path):
     scale = 2.0**20
     mesh = uv_sphere(8, 16)
     written = []
