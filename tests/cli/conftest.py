@@ -17,6 +17,7 @@ from texbake import write_mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 
 Invoke = Callable[..., Result]
+Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 # What a command that succeeds prints on stderr: warnings, and the progress of work of more than ten
@@ -78,7 +79,7 @@ def invoke() -> Invoke:
 
 
 @pytest.fixture
-def run(script: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def run(script: Path) -> Run:
     """Run a command line as a process of its own, without a terminal."""
 
     def run(line: str, **more: object) -> subprocess.CompletedProcess[str]:

@@ -73,11 +73,3 @@ def test_levels_share_one_set_of_texture_coordinates(invoke, asset, level, messa
     (line,) = result.stderr.splitlines()
     assert level in line and message in line
     assert not (asset / "out").exists()
-
-
-@pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz", "glb"])
-@pytest.mark.usefixtures("asset")
-def test_meshes_are_read_and_written_as_usd(invoke, suffix):
-    invoke(f"simplify rock.obj -o low.{suffix} --faces 40")
-    invoke(f"info low.{suffix}")
-    assert read_mesh(f"low.{suffix}").n_faces <= 40

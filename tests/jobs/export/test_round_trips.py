@@ -16,7 +16,6 @@ import pytest
 
 from texbake.jobs.export.export import export_asset
 from texbake.jobs.export.programs import ExportOptions
-from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -152,32 +151,3 @@ def test_a_wrong_green_channel_would_be_seen(assets, by_threejs):
     """The measure detects errors: one inverted channel costs half of it."""
     psnr, _ = alike(by_texbake(assets["ball"], 1), by_threejs["wrong"])
     assert psnr < 30.0
-
-
-def corners_of(mesh):
-    """Position and coordinates at each corner, (F, 3, 5)."""
-    return np.concatenate([mesh.positions[mesh.faces], mesh.corner_uvs()], axis=2)
-
-
-def sorted_corners(corners):
-    """Rows of triangles, each begun at a least corner, sorted by what rounding does not reach."""
-    turns = np.stack([np.roll(corners, -step, axis=1) for step in range(3)], axis=1)
-    keys = (turns.reshape(len(corners), 3, 15) * 4096).round()
-    first = np.array([min(range(3), key=lambda i: tuple(row[i])) for row in keys])
-    rows = turns.reshape(len(corners), 3, 15)[np.arange(len(corners)), first]
-    return rows[np.lexsort((rows * 4096).round().T)]
-
-
-@pytest.mark.parametrize("suffix", [".usda", ".usdz"])
-def test_texbake_reads_what_blender_exports(blender, tmp_path, suffix):
-    """Blender's own USD is Z up, with every coordinate listed at its corner."""
-    ball = uv_sphere(7, 9)
-    write_mesh(ball, tmp_path / "ball.glb")
-    exported = tmp_path / f"back{suffix}"
-    blender({"file": str(tmp_path / "ball.glb"), "export": str(exported)})
-    back = read_mesh(exported)
-    difference = np.abs(sorted_corners(corners_of(back)) - sorted_corners(corners_of(ball)))
-    assert difference.max() < 1e-6
-    np.testing.assert_allclose(
-        np.linalg.norm(back.normals[back.normal_faces], axis=2), 1.0, atol=1e-6
-    )

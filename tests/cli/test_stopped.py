@@ -1,0 +1,158 @@
+"""Commands that are stopped: files are old or new, none is partial, and there is one line."""
+
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from texbake_cli.lazy import COMMANDS
+from texbake_cli.main import texbake
+from writing_commands import LINES, READING, contents, make_inputs
+
+from tests.cli.conftest import Invoke, Run
+from texbake import read_mesh
+
+N_KILLS = int(os.environ.get("TEXBAKE_KILLS", "4"))
+SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+
+# Their files are made of one another or written in one call, or they are a `run`; all take long.
+BUILDS = {"build", "watch"}
+MEASURES = {"bench", "study", "demo"}
+ONE_FILE = {
+    "bake-displacement", "cage", "height-to-normal", "make", "normal-to-height", "pack-channels",
+    "repair", "schema", "transform",
+}  # fmt: skip
+
+
+def test_every_command_that_writes_has_a_line() -> None:
+    assert {lines[-1].split()[0] for lines in LINES.values()} == COMMANDS.keys() - READING
+    for name in READING:
+        command = texbake.get_command(click.Context(texbake), name)
+        assert command is not None and not {"output", "report"} & {p.name for p in command.params}
+
+
+@pytest.mark.parametrize("name", sorted(LINES.keys() - BUILDS - MEASURES - ONE_FILE))
+def test_an_interrupted_command_keeps_the_older_files(
+    name: str, workplace: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_inputs(workplace)
+    *before, line = LINES[name]
+    for prepare in before:
+        invoke(prepare)
+    inputs = contents(workplace)
+    opened = os.open
+    made: list[str] = []
+    last = 0
+
+    def open_file(path: str, flags: int, *rest: int) -> int:
+        if flags & os.O_EXCL and Path(path).parent.is_relative_to(workplace):
+            made.append(path)
+            if len(made) == last:
+                raise KeyboardInterrupt
+        return opened(path, flags, *rest)
+
+    monkeypatch.setattr("texbake.files.os.open", open_file)
+    invoke(line)
+    last = len(made)
+    for file in sorted(contents(workplace).keys() - inputs.keys()):
+        (workplace / file).write_bytes(b"older")
+    older = contents(workplace)
+    assert sum(content == b"older" for content in older.values()) > 1
+    made.clear()
+    stopped = CliRunner().invoke(texbake, line.split())
+    assert stopped.exit_code != 0 and len(made) == last
+    assert contents(workplace) == older
+
+
+def start(script: Path, line: str, scratch: Path) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [script, *line.split(), "--quiet"],
+        env={**os.environ, "TMPDIR": str(scratch)},
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
+@pytest.mark.parametrize("name", ["split-channels", "unwrap several"])
+def test_killed_commands(name: str, workplace: Path, script: Path, tmp_path_factory) -> None:  # type: ignore[no-untyped-def]
+    """`TEXBAKE_KILLS=100` kills each command that often."""
+    make_inputs(workplace)
+    inputs = contents(workplace)
+    (line,) = LINES[name]
+    scratch = tmp_path_factory.mktemp("scratch")
+    began = time.monotonic()
+    assert start(script, line, scratch).wait() == 0
+    seconds = time.monotonic() - began
+    new = contents(workplace)
+    old = {**dict.fromkeys(new, b"older"), **inputs}
+    luck = random.Random(16)
+    for kill in range(N_KILLS):
+        for file in new.keys() - inputs.keys():
+            (workplace / file).write_bytes(b"older")
+        process = start(script, line, scratch)
+        time.sleep(luck.uniform(0.2, 1.0) * seconds)
+        number = SIGNALS[kill % len(SIGNALS)]
+        process.send_signal(number)
+        code = process.wait(timeout=60)
+        found = contents(workplace)
+        if code == 0:  # it was over before
+            assert found == new
+        elif number == signal.SIGKILL:
+            assert all(found[file] in (old[file], new[file]) for file in new)
+        else:
+            assert found == old and not list(scratch.iterdir())
+    assert start(script, line, scratch).wait() == 0
+    assert contents(workplace) == new
+    assert not list(scratch.iterdir())
+
+
+def names_in(folder: Path) -> list[str]:
+    """All names, including hidden ones such as those of half-written files."""
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_full_disk_loses_nothing(workplace: Path, run: Run) -> None:
+    line = "unwrap low.obj -o there.glb --layout there.png"
+
+    def fill_the_disk() -> None:
+        # A file may not grow past 4 KiB, as on a full disk.
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
+
+    # Once without the limit, so that no kernel is left to be compiled, and its code to be cached.
+    assert run(line).returncode == 0
+    name = line.split("-o ")[1].split()[0]
+    Path(name).write_bytes(b"what was there")
+    before = names_in(workplace)
+    done = run(line, preexec_fn=fill_the_disk)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert f"{name}: cannot be written" in done.stderr
+    assert Path(name).read_bytes() == b"what was there"
+    assert names_in(workplace) == before
+
+
+@pytest.mark.parametrize("line", ["info low.obj", "--help", "bake --help"])
+def test_what_cannot_be_printed(workplace: Path, script: Path, line: str) -> None:
+    words = [script, *line.split()]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
+    assert done.returncode == 1
+    (said,) = done.stderr.splitlines()
+    assert said == "texbake: standard output: cannot be written: No space left on device"
+
+
+def test_inputs_are_read_before_outputs_replace_them(workplace: Path, invoke: Invoke) -> None:
+    before = read_mesh("low.obj")
+    invoke("unwrap low.obj -o low.obj --size 128")
+    after = read_mesh("low.obj")
+    np.testing.assert_array_equal(before.positions, after.positions)
