@@ -93,6 +93,7 @@ def test_nodes_may_stand_far_below_each_other(instances):
     document["scenes"] = [{"nodes": [0]}]
     for i, node in enumerate(document["nodes"]):
         node["translation"] = [1, 0, 0]
+        node["rotation"] = [0, 0, 0, 0]  # which turns nothing
         node["children"] = [i + 1]
     del document["nodes"][-1]["children"]
     path.write_text(json.dumps(document))
