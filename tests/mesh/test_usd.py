@@ -14,6 +14,7 @@ from texbake.errors import (
     FileFormatError,
     MeshError,
     OptionError,
+    ReadWarning,
     UvError,
 )
 from texbake.mesh.files import read_mesh, write_mesh
@@ -206,8 +207,12 @@ def test_subsets_are_groups_and_the_rest_is_the_mesh(stage_file):
     assert mesh.face_groups.tolist() == [0, 0, 1, 1]
 
 
-def test_holes_and_hidden_meshes_are_left_out(stage_file):
+def test_holes_faces_without_corners_and_hidden_meshes_are_left_out(stage_file):
     assert read_usd(stage_file("int[] holeIndices = [0]")).n_faces == 2
+    path = stage_file()
+    path.write_text(path.read_text().replace("[4, 4]", "[4, 0, 4]"))
+    with pytest.warns(ReadWarning, match="left out 1 face with fewer than three corners"):
+        assert read_usd(path).n_faces == 4
     for hidden in 'token visibility = "invisible"', 'uniform token purpose = "guide"':
         with pytest.raises(MeshError, match="it has no faces"):
             read_usd(stage_file(hidden))

@@ -41,7 +41,8 @@ from texbake.mesh.files.gltf_compression import (
     encode_triangles,
     encode_vertices,
 )
-from texbake.mesh.files.gltf_materials import EMISSIVE_STRENGTH, FLIP
+from texbake.mesh.files.gltf_document import BINARY_CHUNK, COMPONENTS, JSON_CHUNK, MAGIC
+from texbake.mesh.files.gltf_materials import EMISSIVE_STRENGTH, FLIP, LINEAR, NEAREST, WRAPS
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,
@@ -54,9 +55,9 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import FloatArray
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
-_COMPONENTS = {"float32": 5126, "int8": 5120, "uint8": 5121, "uint16": 5123, "uint32": 5125}
-_NEAREST, _LINEAR, _NEAREST_MIPS, _TRILINEAR = 9728, 9729, 9984, 9987
-_WRAPS = {"repeat": 10497, "mirror": 33648, "clamp": 33071}
+_COMPONENTS = {dtype.name: code for code, dtype in COMPONENTS.items()}
+_NEAREST_MIPS, _TRILINEAR = 9984, 9987
+_WRAPS = {name: code for code, name in WRAPS.items()}
 # Images that glTF itself does not name, by the extensions that do.
 _IMAGE_EXTENSIONS = {"image/webp": "EXT_texture_webp", "image/ktx2": "KHR_texture_basisu"}
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -166,9 +167,9 @@ class GltfAsset:
         if n_bytes >= 1 << 32:
             raise FileFormatError(f"{path}: {n_bytes} bytes are more than a GLB holds; simplify it")
         with replacing(path) as temporary, temporary.open("wb") as file:
-            file.write(struct.pack("<4sIIII", b"glTF", 2, n_bytes, len(text), 0x4E4F534A))
+            file.write(struct.pack("<4sIIII", MAGIC, 2, n_bytes, len(text), JSON_CHUNK))
             file.write(text)
-            file.write(struct.pack("<II", self._n_bytes, 0x004E4942))
+            file.write(struct.pack("<II", self._n_bytes, BINARY_CHUNK))
             file.writelines(self._parts)
 
     def use(self, extension: str) -> None:
@@ -254,7 +255,7 @@ class GltfAsset:
             images.append({"bufferView": self._add_view(data), "mimeType": media_type(data)})
         source = self._images[data]
         sampler = {
-            "magFilter": _NEAREST if is_nearest else _LINEAR,
+            "magFilter": NEAREST if is_nearest else LINEAR,
             "minFilter": _NEAREST_MIPS if is_nearest else _TRILINEAR,
             "wrapS": _WRAPS[wraps[0]],
             "wrapT": _WRAPS[wraps[1]],

@@ -27,9 +27,9 @@ from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import ByteArray, Cursor, parsed, read_array, without_cycle_search
 
-_MAGIC = b"glTF"
-_JSON_CHUNK = 0x4E4F534A
-_BINARY_CHUNK = 0x004E4942
+MAGIC = b"glTF"
+JSON_CHUNK = 0x4E4F534A
+BINARY_CHUNK = 0x004E4942
 # Required extensions that change nothing about where triangles are, or only the component types
 # of attributes, which accessors carry anyway. Any other may hide the mesh itself.
 _HARMLESS = re.compile(r"[A-Z]+_(?:materials|texture|lights|animation)_")
@@ -286,7 +286,7 @@ def _read_document(path: PathLike) -> Document:
     data = read_array(path)
     binary = data[:0]
     text = data
-    if data[:4].tobytes() == _MAGIC:
+    if data[:4].tobytes() == MAGIC:
         text, binary = _chunks(path, data)
     try:
         with without_cycle_search():
@@ -319,6 +319,6 @@ def _chunks(path: PathLike, data: ByteArray) -> tuple[ByteArray, ByteArray]:
     while cursor.at + 8 <= n_bytes:
         n_chunk, kind = cursor.unpack("II")
         found.setdefault(kind, cursor.take(n_chunk))
-    if _JSON_CHUNK not in found:
+    if JSON_CHUNK not in found:
         raise FileFormatError(f"{path}: the GLB file has no JSON chunk; export it again")
-    return found[_JSON_CHUNK], found.get(_BINARY_CHUNK, data[:0])
+    return found[JSON_CHUNK], found.get(BINARY_CHUNK, data[:0])

@@ -47,9 +47,8 @@ from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
 # v down to v up, and back.
 FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
-_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-_NEAREST = 9728
-_FILTERS_WITHOUT_MIPS = (9728, 9729)
+WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+NEAREST, LINEAR = 9728, 9729
 _NO_IMAGE = "a texture has no image in a supported format"
 # Material extensions that are read, and their parts that are not.
 _EXTENSIONS = {
@@ -197,8 +196,8 @@ def read_texture(document: Document, info: dict[str, Any]) -> GltfTexture:
     return GltfTexture(
         image=image,
         wraps=(_wrap(sampler.get("wrapS")), _wrap(sampler.get("wrapT"))),
-        is_nearest=sampler.get("magFilter") == _NEAREST,
-        has_mip_levels=sampler.get("minFilter") not in _FILTERS_WITHOUT_MIPS,
+        is_nearest=sampler.get("magFilter") == NEAREST,
+        has_mip_levels=sampler.get("minFilter") not in (NEAREST, LINEAR),
         uv_set=document.integer(moved if "texCoord" in moved else info, "texCoord", 0),
         scale=(1.0, 1.0) if scale is None else (float(scale[0]), float(scale[1])),
         rotation=document.number(moved, "rotation", 0.0, is_signed=True),
@@ -207,7 +206,7 @@ def read_texture(document: Document, info: dict[str, Any]) -> GltfTexture:
 
 
 def _wrap(code: Any) -> str:
-    return _WRAPS.get(code, "repeat") if isinstance(code, int) else "repeat"
+    return WRAPS.get(code, "repeat") if isinstance(code, int) else "repeat"
 
 
 def image_path(document: Document, index: int) -> Path | None:
