@@ -184,16 +184,15 @@ class PackChannelsStep(CheckedOptions):
     format: Annotated[str, FORMAT_OF_IMAGE] = "png"
 
 
-def _pack(job: Job) -> dict[str, Any]:
-    options: PackChannelsStep = PACK.made(job.settings)
-    values = (options.red_value, options.green_value, options.blue_value)
-    red, green, blue = (
-        job.input(color) or value for color, value in zip(COLORS, values, strict=False)
-    )
-    packed = pack_channels_file(
-        job.outputs["texture"], red, green, blue, job.input("alpha"), threads=job.threads
-    ).report
-    return {"width": packed.width, "height": packed.height}
+def _channels(job: Job) -> dict[str, Any]:
+    """Return the maps of a step, or values for channels that have none."""
+    values = {color: job.settings[f"{color}_value"] for color in COLORS[:3]}
+    maps = {color: job.input(color) or values.get(color) for color in COLORS}
+    return {"output": job.outputs["texture"], "options": None, **maps}
+
+
+def _size(done: JobResult[ChannelsReport]) -> dict[str, Any]:
+    return {"width": done.report.width, "height": done.report.height}
 
 
 def _check_maps(settings: Settings, roles: frozenset[str]) -> None:
@@ -212,7 +211,8 @@ PACK = step_of(
     options=PackChannelsStep,
     inputs=tuple(Reads(color, required=False) for color in COLORS),
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
-    run=_pack,
+    prepare=_channels,
+    figures=_size,
     memory=_memory,
     check=_check_maps,
 )
@@ -312,15 +312,6 @@ class SplitChannelsStep(CheckedOptions):
             raise OptionError("names: all are empty")
 
 
-def _split(job: Job) -> dict[str, Any]:
-    options: SplitChannelsStep = SPLIT.made(job.settings)
-    files = [job.outputs[name] for name in options.names if name]
-    split = split_channels_files(
-        job.file("image"), files, names=options.names, threads=job.threads
-    ).report
-    return {"width": split.width, "height": split.height}
-
-
 SPLIT = step_of(
     split_channels_files,
     does="splits an image into a gray map for each channel",
@@ -328,6 +319,7 @@ SPLIT = step_of(
     outputs=lambda settings: {
         name: f"{name}.{settings['format']}" for name in settings["names"] if name
     },
-    run=_split,
+    prepare=lambda job: {"output": list(job.outputs.values())},
+    figures=_size,
     memory=_memory,
 )

@@ -99,15 +99,15 @@ def export_files(
     )
 
 
-def _step(job: Job) -> dict[str, Any]:
+def _of_asset(job: Job) -> dict[str, Any]:
+    """Return the maps of a step by their kinds, and options with the name of the asset."""
     name = job.settings["name"] or job.asset.rpartition("/")[2]
-    done = export_files(
-        job.file("mesh"),
-        job.outputs["folder"],
-        STEP.made({**job.settings, "name": name}, threads=job.threads),
-        named_maps={kind: file for role, kind in _EXPORTED.items() if (file := job.input(role))},
-        levels=job.inputs.get("levels", ()),
-    )
+    maps = {kind: file for role, kind in _EXPORTED.items() if (file := job.input(role))}
+    options = EXPORT.made({**job.settings, "name": name}, threads=job.threads)
+    return {"output": job.outputs["folder"], "options": options, "named_maps": maps}
+
+
+def _figures(done: ExportResult) -> dict[str, Any]:
     return {
         "bytes": sum(path.stat().st_size for path in done.files),
         "notes": list(done.warnings),
@@ -121,7 +121,7 @@ def _memory(settings: Settings, sizes: Sizes) -> int:
     return PROCESS + 64 * MB + 80 * n_bytes(sizes, *images) + 2 * READ_FACE * faces
 
 
-STEP = step_of(
+EXPORT = step_of(
     export_files,
     does="writes an asset as another program reads it",
     inputs=(
@@ -130,7 +130,8 @@ STEP = step_of(
         *(Reads(name, required=False) for name in _EXPORTED),
     ),
     outputs=lambda settings: {"folder": "export"},
-    run=_step,
+    prepare=_of_asset,
+    figures=_figures,
     memory=_memory,
     revision=3,
     names_asset=True,

@@ -169,19 +169,10 @@ class PackTexturesStep(PackOptions):
     ] = 0
 
 
-def _step(job: Job) -> dict[str, Any]:
-    options: PackTexturesStep = STEP.made(job.settings)
-    meshes = job.inputs.get("mesh", ())
-    packed = pack_textures_file(
-        job.inputs["images"],
-        job.outputs["texture"],
-        options,
-        meshes=meshes,
-        mesh_outputs=[job.outputs[f"mesh{i}"] for i in range(len(meshes))] or None,
-        data=options.data,
-        threads=job.threads,
-    ).report
-    return {"filled": packed.filled, "scale": packed.scale}
+def _outputs(job: Job) -> dict[str, Any]:
+    meshes = [path for name, path in job.outputs.items() if name != "texture"]
+    files = job.inputs.get("mesh", ())
+    return {"output": job.outputs["texture"], "meshes": files, "mesh_outputs": meshes or None}
 
 
 def _packed_files(settings: Settings) -> dict[str, str]:
@@ -205,7 +196,8 @@ STEP = step_of(
     does="packs several images into one, and moves their meshes' texture coordinates",
     options=PackTexturesStep,
     outputs=_packed_files,
-    run=_step,
+    prepare=_outputs,
+    figures=lambda done: {"filled": done.report.filled, "scale": done.report.scale},
     memory=_memory,
     check=_check_meshes,
 )

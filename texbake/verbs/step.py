@@ -117,13 +117,15 @@ def step_of(
     figures: Callable[[Any], dict[str, Any]] | None = None,
     options: type | None = None,
     format: tuple[Option, str] | None = None,  # noqa: A002
+    prepare: Callable[[Job], dict[str, Any]] | None = None,
     **more: Any,
 ) -> StepKind:
     """Return the kind of step of a verb.
 
     It runs the function of the verb and takes `figures` of its result, unless `run` is given. Its
-    options are those of the verb and, if `format` is given, a format with a default. `more` are
-    further fields of `StepKind`.
+    options are those of the verb and, if `format` is given, a format with a default. `prepare`
+    returns parameters of the function that are not inputs or settings of the same name; by default,
+    `output` is the only output. `more` are further fields of `StepKind`.
     """
     verb: Verb = function.verb  # type: ignore[attr-defined]
     base = options or next(part.kind for part in verb.of_kind(Options) if not part.apart)
@@ -142,12 +144,16 @@ def step_of(
         }
         alone = {**job.settings, "threads": job.threads, "mtl": False}
         given |= {name: value for name, value in alone.items() if name in verb.parameters}
-        named = {item.name for item in fields(base)} - given.keys()
-        threads = {"threads": job.threads} if "threads" in named else {}
-        (output,) = job.outputs.values()
-        done = function(**given, output=output, options=kind.made(job.settings, **threads))
+        if prepare is None:
+            (given["output"],) = job.outputs.values()
+        else:
+            given |= prepare(job)
+        if "options" in verb.parameters:
+            named = {item.name for item in fields(base)} - given.keys()
+            threads = {"threads": job.threads} if "threads" in named else {}
+            given.setdefault("options", kind.made(job.settings, **threads))
         assert figures is not None
-        return figures(done)
+        return figures(function(**given))
 
     more.setdefault("inputs", tuple(replace(part, name=role) for role, part in parts.items()))
     kind = StepKind(
