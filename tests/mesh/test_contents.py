@@ -5,6 +5,8 @@ import json
 import pytest
 
 from tests.fbx_writer import binary, properties, rich_scene, scene
+from tests.mesh.test_usd import TWO_QUADS
+from tests.mesh.test_usd_materials import RGB, material_of
 from texbake.mesh.files.contents import read_contents
 
 
@@ -67,43 +69,17 @@ def test_an_empty_image_counts_as_missing(tmp_path):
 
 def test_usd(tmp_path):
     (tmp_path / "c.png").write_bytes(b"picture")
-    (tmp_path / "a.usda").write_text(
-        """#usda 1.0
-        (
-            metersPerUnit = 0.01
-            upAxis = "Z"
-        )
-        def Mesh "wall" {
-            texCoord2f[] primvars:light = [(0, 0)]
-        }
-        def Material "plain" {
-        }
-        def Material "skin" {
-            token outputs:surface.connect = </skin/s.outputs:surface>
-            def Shader "s" {
-                uniform token info:id = "UsdPreviewSurface"
-                color3f inputs:diffuseColor.connect = </skin/c.outputs:rgb>
-                normal3f inputs:normal.connect = </skin/n.outputs:rgb>
-                float inputs:metallic = 0
-                token outputs:surface
-            }
-            def Shader "c" {
-                uniform token info:id = "UsdUVTexture"
-                asset inputs:file = @./c.png@
-                float3 outputs:rgb
-            }
-            def Shader "n" {
-                uniform token info:id = "UsdUVTexture"
-                asset inputs:file = @images/none.png@
-                float3 outputs:rgb
-            }
-        }
-        """
-    )
+    head = 'metersPerUnit = 0.01\nupAxis = "Z"'
+    quads = TWO_QUADS.format(head=head, body="texCoord2f[] primvars:light = [(0, 0)]")
+    inputs = f"color3f inputs:diffuseColor.connect = {RGB}\nfloat inputs:metallic = 0"
+    bumps = "normal3f inputs:normal.connect = </bumps/image.outputs:rgb>"
+    texts = material_of("skin", inputs), material_of("bumps", bumps, file="images/none.png")
+    (tmp_path / "a.usda").write_text(quads + "".join(texts) + 'def Material "plain" {}')
     found = read_contents(tmp_path / "a.usda")
     assert {material.name: material.channels for material in found.materials} == {
+        "skin": {"base-color": "c.png", "metallic": None},
+        "bumps": {"normal": "none.png"},
         "plain": {},
-        "skin": {"base-color": "c.png", "normal": "none.png", "metallic": None},
     }
     assert found.images == {"c.png": b"picture", "none.png": None}
     assert found.uv_sets == ("light",)

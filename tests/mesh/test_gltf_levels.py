@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from tests.glb import glb_bytes
+from tests.glb import GltfFile
 from texbake.errors import FileFormatError, OptionError, UvError
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf import read_gltf
@@ -96,27 +96,17 @@ def test_16_and_32_bit_indices_come_back(path, n):
 
 def compressed_accessor(path, data, *, count, stride, kind, component, normalized, **code):
     """A GLB whose one accessor reads a compressed view."""
-    view = {
-        "buffer": 1, "byteOffset": 0, "byteLength": count * stride, "byteStride": stride,
-        "extensions": {"EXT_meshopt_compression": {
-            "buffer": 0, "byteLength": len(data), "byteStride": stride, "count": count, **code,
-        }},
-    }  # fmt: skip
-    content = {
-        "asset": {"version": "2.0"},
-        "extensionsUsed": ["EXT_meshopt_compression"],
-        "extensionsRequired": ["EXT_meshopt_compression"],
-        "buffers": [
-            {"byteLength": len(data)},
-            {"byteLength": count * stride,
-             "extensions": {"EXT_meshopt_compression": {"fallback": True}}},
-        ],
-        "bufferViews": [view],
-        "accessors": [{"bufferView": 0, "componentType": component, "count": count,
-                       "type": kind, "normalized": normalized}],
-    }  # fmt: skip
-    path.write_bytes(glb_bytes(content, data))
-    return read_document(path)
+    name, size = "EXT_meshopt_compression", {"byteLength": count * stride}
+    place = {"buffer": 0, "byteLength": len(data), "byteStride": stride, "count": count, **code}
+    fields = {"componentType": component, "type": kind, "normalized": normalized}
+    file = GltfFile(
+        extensionsRequired=[name],
+        buffers=[{"byteLength": len(data)}, {**size, "extensions": {name: {"fallback": True}}}],
+        bufferViews=[{"buffer": 1, "byteStride": stride, **size, "extensions": {name: place}}],
+        accessors=[{"bufferView": 0, "count": count, **fields}],
+    )
+    file.data = data
+    return read_document(file.write(path))
 
 
 def test_octahedral_normals_are_decoded(meshoptimizer, path):
