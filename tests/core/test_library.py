@@ -19,22 +19,11 @@ def test_an_unknown_function_is_an_attribute_error():
         getattr(core, "nothing_of_the_kind")  # noqa: B009
 
 
-def test_a_function_is_bound_once():
-    assert core.merge_labels is core.merge_labels
-
-
 def test_every_declared_function_is_exported_by_every_build():
     for path in find_builds().values():
         loaded = library._load(path)
         missing = [name for name in core._prototypes if not hasattr(loaded, name)]
         assert missing == [], path.name
-
-
-def test_the_library_has_no_python_in_it():
-    for path in find_builds().values():
-        content = path.read_bytes()
-        assert b"PyObject" not in content
-        assert b"Py_" not in content
 
 
 def test_without_a_library_the_message_says_what_to_do(monkeypatch, tmp_path):

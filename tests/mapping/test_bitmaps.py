@@ -45,17 +45,18 @@ def stamped(mask: np.ndarray, place: np.ndarray, shape: tuple[int, int]) -> np.n
 def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
     bitmaps = random_bitmaps(padding, 30)
     grid = PackingGrid.over((90, 120), padding, most_cells=200)
-    placed = place_charts(bitmaps, np.arange(30, dtype=np.int32), grid, hurry=hurry)
-    assert placed.n_missing == 0
+    order = np.arange(30, dtype=np.int32)
+    places, tops, n_missing = place_charts(bitmaps, order, grid, hurry=hurry)
+    assert n_missing == 0
     reach = len(grid.half_widths) // 2
     near = np.array([np.abs(np.arange(2 * reach + 1) - reach) <= half for half in grid.half_widths])
     taken = np.zeros((grid.height, grid.width), dtype=bool)
-    for chart, place in enumerate(placed.places):
+    for chart, place in enumerate(places):
         mask = mask_of(bitmaps, chart, place[2], place[3])
         cells = stamped(mask, place, taken.shape).astype(bool)
         assert cells.sum() == mask.sum()
         assert not (cells & taken).any()
-        assert placed.tops[chart] == place[1] + len(mask)
+        assert tops[chart] == place[1] + len(mask)
         taken |= binary_dilation(cells, near)
 
 
@@ -63,10 +64,10 @@ def test_charts_without_a_place_are_left_out() -> None:
     bitmaps = random_bitmaps(1, 30)
     grid = PackingGrid.over((24, 24), 0, most_cells=200)
     order = np.arange(30, dtype=np.int32)
-    placed = place_charts(bitmaps, order, grid, all_or_nothing=False)
-    found = placed.places[:, 0] >= 0
-    assert 0 < placed.n_missing == 30 - found.sum() < 30
-    assert place_charts(bitmaps, order[found], grid).n_missing == 0
+    places, _, n_missing = place_charts(bitmaps, order, grid, all_or_nothing=False)
+    found = places[:, 0] >= 0
+    assert 0 < n_missing == 30 - found.sum() < 30
+    assert place_charts(bitmaps, order[found], grid)[2] == 0
 
 
 def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood() -> None:

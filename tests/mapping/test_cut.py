@@ -46,14 +46,6 @@ def test_a_flat_mesh_is_one_chart_with_its_own_lengths(method: str) -> None:
     )  # xatlas works in float32
 
 
-def test_a_cube_comes_apart_in_squares() -> None:
-    cut = cut_charts(cube())
-    edges = cut.uvs[cut.faces] - np.roll(cut.uvs[cut.faces], 1, axis=1)
-    lengths = np.sort(np.linalg.norm(edges, axis=2), axis=1)
-    assert lengths / lengths[0, 0] == pytest.approx(np.tile([1.0, 1.0, 2.0**0.5], (12, 1)), 1e-9)
-    assert (cut.n_charts, cut.n_ignored) == (6, 0)
-
-
 @pytest.mark.parametrize(
     "positions",
     [

@@ -158,16 +158,6 @@ def test_no_chart_stretches_more_than_promised() -> None:
     assert report.notes == ()
 
 
-def test_best_fills_no_less_than_good() -> None:
-    # A sphere of few faces, whose large charts leave more empty than many small ones.
-    mesh = icosphere(1)
-    fills = [
-        distortion(unwrap(mesh, size=256, quality=quality), 256).fill
-        for quality in ("good", "best")
-    ]
-    assert fills[1] >= fills[0]
-
-
 def test_only_an_atlas_takes_several_meshes() -> None:
     with pytest.raises(OptionError, match="box maps one mesh at a time"):
         unwrap_together([cube(), cube()], method="box")
@@ -267,13 +257,10 @@ def test_parametrize_is_called_and_answers_as_xatlas_does(arrays):
     [
         ({"method": "magic"}, "method: magic is not one of atlas"),
         ({"size": 0}, "size: 0 is out of range"),
-        ({"size": 100_000}, "size: 100000 is out of range"),
-        ({"size": (512, -1)}, "size: -1 is out of range"),
         ({"size": (1, 2, 3)}, "neither a whole number nor"),
         ({"padding": -1}, "padding: -1 is out of range; it must be 0 or more"),
         ({"size": (1024, 8), "padding": 4}, "leave no room in 1024 x 8"),
         ({"timeout": 0.0}, "timeout: 0.0"),
-        ({"timeout": float("nan")}, "timeout: nan"),
         ({"keep": True, "max_stretch": 1.1}, "max_stretch: charts that are kept are not cut"),
         ({"keep": True, "charts": "xatlas"}, "charts: charts that are kept are not cut"),
         ({"timeout": 9.0}, "timeout: it is for xatlas; leave it out, or use charts xatlas"),
@@ -285,12 +272,7 @@ def test_parametrize_is_called_and_answers_as_xatlas_does(arrays):
         ({"method": "planar", "warp": ("twirl",)}, "is not a name with its strength"),
         ({"rotate": float("inf")}, "rotate: inf is not a finite number"),
         ({"texel_density": 9.0, "scale": 2.0}, "texel_density: an atlas is packed at"),
-        (
-            {"texel_density": 9.0, "warp": "twirl"},
-            "texel_density: an atlas is packed at",
-        ),
         ({"method": "two-part", "surface": "box", "theta": (0.0, 90.0)}, "theta: the surface box"),
-        ({"method": "two-part", "surface": "plane", "padding": 9}, "padding: the surface plane"),
         ({"method": "two-part", "eye": (0.0, 0.0, 9.0)}, "eye: via centroid does not use it"),
         ({"method": "cylindrical", "theta": (0.0, 1e-320)}, "theta: .* is an empty range"),
     ],

@@ -82,27 +82,6 @@ def test_bounds_mean_and_variance(weight):
     assert abs(values.mean()) < 0.003
 
 
-@BOTH
-def test_bound_is_that_of_eight_gradients_that_meet(weight):
-    """The greatest sum over corners of w |o|, or of w max(G . o), over a grid of points."""
-    known, slopes = WEIGHTS[weight], gradients(weight, 0)
-    t = np.linspace(0.0, 1.0, 41)
-    points = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3)
-    total = np.zeros(len(points))
-    for corner in product((0, 1), repeat=3):
-        off = points - corner
-        size = np.abs(off)
-        fall = 2 * size**3 - 3 * size**2 + 1
-        if weight == "quintic":
-            fall = 1 - size**3 * (6 * size**2 - 15 * size + 10)
-        reach = np.linalg.norm(off, axis=1)
-        if weight == "quintic":
-            reach = (off @ slopes[:16].T).max(axis=1)
-        total += fall.prod(axis=1) * reach
-    # A grid of 1/40 misses a smooth maximum by a curvature of about 5, times (1/80)^2 / 2.
-    assert known.bound - 1e-3 < total.max() <= known.bound + 1e-12
-
-
 @pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf, 1e300, -(2.0**51)])
 def test_coordinates_that_are_not_finite_count_as_0(odd):
     points = random_points(50)
@@ -128,6 +107,9 @@ def test_fractal_and_turbulence_are_their_sums(points):
     shift = np.array([37, 17, 59])
     expected = sum(signed_noise(points * 2.0**i + i * shift, seed=5) / 2.0**i for i in range(6))
     np.testing.assert_allclose(fractal_sum(points, seed=5), expected, atol=1e-15)
+    expected = signed_noise(points) + 0.7 * signed_noise(points * 1.9 + shift)
+    found = fractal_sum(points, octaves=2, lacunarity=1.9, gain=0.7)
+    np.testing.assert_allclose(found, expected, atol=1e-15)
     expected = sum(np.abs(signed_noise(points * 2.0**i, seed=5)) / 2.0**i for i in range(6))
     np.testing.assert_allclose(turbulence_sum(points, seed=5), expected, atol=1e-6)
 
@@ -220,13 +202,6 @@ def test_worley_wide_pixels_are_the_mean(feature, n_dimensions):
     assert np.ptp(wide) == 0.0
     # Means of 40,000 and of 16,384 points with deviations up to 0.2: 0.002 each; three of them.
     assert wide[0, 0] == pytest.approx(plain.mean(), abs=0.006)
-
-
-def test_lacunarity_and_gain(points):
-    expected = signed_noise(points) + 0.7 * signed_noise(points * 1.9 + np.array([37, 17, 59]))
-    found = fractal_sum(points, octaves=2, lacunarity=1.9, gain=0.7)
-    np.testing.assert_allclose(found, expected, atol=1e-15)
-    np.testing.assert_array_equal(fractal_sum(points, gain=0.0), signed_noise(points))
 
 
 def test_two_coordinates_are_the_plane_z_0():

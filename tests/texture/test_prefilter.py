@@ -6,7 +6,7 @@ import pytest
 from texbake.errors import OptionError
 from texbake.texture.cube_lookup import resize_cube, sample_cube
 from texbake.texture.cube_map import CubeMap, solid_angles, texel_directions
-from texbake.texture.prefilter import hammersley, irradiance, specular_levels, split_sum_table
+from texbake.texture.prefilter import irradiance, specular_levels, split_sum_table
 
 
 def cube_of(function, size=64):
@@ -92,13 +92,6 @@ def test_levels_are_the_integrals_of_their_lobes():
         previous = expected.max()
 
 
-def test_hammersley_points_are_one_in_each_stratum():
-    points = hammersley(64)
-    for columns in 1, 8, 64:
-        cells = np.floor(points * [columns, 64 // columns]).astype(int)
-        assert len(np.unique(cells, axis=0)) == 64
-
-
 def test_numbers_out_of_range():
     cube = CubeMap(np.ones((6, 2, 2, 1), np.float32))
     for name, value in ("n_levels", 0), ("size", 0), ("samples", 15):
@@ -152,15 +145,6 @@ def test_split_sum_is_the_integral_of_the_brdf(row, column):
     # Evenly spread samples of a smooth integrand are off by some (ln n) / n, 0.01, times what the
     # integrand varies from stratum to stratum; a hundredth of that is allowed, and holds.
     np.testing.assert_allclose(split_sum_table()[row, column], expected, atol=2e-4)
-
-
-def test_split_sum_of_a_mirror_reflects_by_schlicks_fresnel():
-    table = split_sum_table(64)
-    n_v = (np.arange(64) + 0.5) / 64
-    fresnel = (1 - n_v) ** 5
-    # At the least roughness, 1/128, alpha is 6e-5; from the flattest views the lobe is cut.
-    np.testing.assert_allclose(table[0, 2:, 0], 1 - fresnel[2:], atol=2e-3)
-    np.testing.assert_allclose(table[0, 2:, 1], fresnel[2:], atol=2e-3)
 
 
 def test_no_surface_reflects_more_than_falls_on_it():

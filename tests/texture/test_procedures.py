@@ -77,13 +77,6 @@ def test_threads_change_nothing(name):
     )
 
 
-@EACH
-def test_one_point_alone_has_the_value_that_it_has_among_others(name):
-    points = np.random.default_rng(0).uniform(-30, 30, (20_000, 3))
-    among = evaluate(name, points)[[0, 16_384, 19_999]]
-    np.testing.assert_array_equal(evaluate(name, points[[0, 16_384, 19_999]]), among)
-
-
 @pytest.mark.parametrize("name", [n for n in PROCEDURE_NAMES if "seed" in PROCEDURE_DEFAULTS[n]])
 def test_seeds_differ_and_repeat(name):
     points = np.random.default_rng(0).uniform(-3, 3, (2000, 3))
@@ -113,24 +106,15 @@ def test_points_in_any_order_of_memory(name):
     [
         ("marbel", {}, "procedure: 'marbel' is not known; it is one of checker, stripes"),
         ("checker", {"seed": 1}, r"checker\.seed: it is not a parameter of checker; those are dim"),
-        ("checker", {"dimensions": 2.0}, r"checker\.dimensions: 2\.0 is not known"),
-        ("checker", {"dimensions": 4}, r"checker\.dimensions: 4 is not known; give one of 2, 3"),
         ("noise", {"weight": "linear"}, r"noise\.weight: 'linear' is not known; give one of cub"),
-        ("noise", {"weight": ["cubic"]}, r"noise\.weight: \['cubic'\] is not known"),
         ("noise", {"weight": np.zeros(2)}, r"noise\.weight: array\(\[0\., 0\.\]\) is not known"),
         ("noise", {"seed": 1.5}, r"noise\.seed: 1\.5 is not a whole number; give one such as 7"),
-        ("noise", {"seed": True}, r"noise\.seed: True is not a whole number"),
         ("fractal", {"octaves": 0}, r"fractal\.octaves: 0 is not right; give a whole number from"),
-        ("fractal", {"octaves": 2.0}, r"fractal\.octaves: 2\.0 is not right"),
         ("fractal", {"gain": float("nan")}, r"fractal\.gain: nan is not right; give a number from"),
-        ("fractal", {"lacunarity": "2"}, r"fractal\.lacunarity: '2' is not right"),
         ("stripes", {"width": 1.0}, r"stripes\.width: 1\.0 is not right; give a number between 0"),
         ("stripes", {"direction": (0, 0, 0)}, r"stripes\.direction: \(0, 0, 0\) is not a dir"),
-        ("stripes", {"direction": "xyz"}, r"stripes\.direction: 'xyz' is not a direction"),
-        ("marble", {"direction": (1, 2)}, r"marble\.direction: \(1, 2\) is not a direction"),
         ("wood", {"axis": (0, float("inf"), 0)}, r"wood\.axis: .* is not a direction"),
         ("wood", {"rings": -1}, r"wood\.rings: -1 is not right; give a number from 0 to 1e\+06"),
-        ("worley", {"feature": "F1"}, r"worley\.feature: 'F1' is not known; give one of f1, f2-f1"),
     ],
 )  # fmt: skip
 def test_wrong_parameters_are_one_clear_error(name, parameters, words):

@@ -9,7 +9,7 @@ from texbake.baking.texture.options import SolidOptions
 from texbake.baking.texture.solid import bake_solid
 from texbake.errors import FileFormatError, OptionError, TexbakeError
 from texbake.mesh.files import write_mesh
-from texbake.mesh.shapes import cube, plane
+from texbake.mesh.shapes import plane
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.scene.material import Material
@@ -84,20 +84,6 @@ def test_a_picture_shows_the_values_at_each_point(scan, filter_name, wrap):
     values = volume_lookup(volume, points, wrap=wrap, filter=filter_name, border=0.25)
     expected = ramp_lookup(np.array(LEGEND), (values[:, 0] - 0.2) / 0.7)
     np.testing.assert_allclose(seen.reshape(-1, 3), expected, atol=2e-3)
-
-
-def test_slices_run_from_back_to_front(tmp_path):
-    """A camera in front, which looks along -z, sees the last slice; one behind, the first."""
-    values = (0.1, 0.4, 0.9)
-    paths = tuple(tmp_path / f"{i}.png" for i in range(3))
-    for path, value in zip(paths, values, strict=True):
-        write_image(np.full((4, 4, 1), value, np.float32), path, color=False, bits=16)
-    texture = VolumeTexture(volume=paths, offset=(0.5, 0.5, 0.5))
-    item = SceneObject(mesh=cube(), material=Material(shading="unlit", base_color=texture))
-    for side, value in ((1.0, values[2]), (-1.0, values[0])):
-        view = CameraView(position=(0.0, 0.0, 5.0 * side), target=(0.0, 0.0, 0.0), fov=1.0)
-        found = render_scene(Scene(objects=(item,), view=view), RenderOptions(width=8, height=8))
-        np.testing.assert_allclose(found.color[..., 0], value, atol=1e-4)
 
 
 def test_bake_texture_takes_a_volume(scan, tmp_path):

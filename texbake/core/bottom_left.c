@@ -169,7 +169,6 @@ struct placing {
     struct spot (*firsts)[N_CLASSES];
     struct span *spans, *best_spans;
     uint8_t *across; /* the transposed mask */
-    int64_t work;
 };
 
 /* Find the pose, quarter turn and place with the lowest top: its spans are `best_spans` then.
@@ -181,7 +180,7 @@ static struct turned_chart find_place(struct placing *placing, int64_t chart, in
     int64_t least_top = placing->cells.n_rows + 1;
     struct turned_chart best = {0, 0, 0, NULL};
     struct mask across = {0, 0, NULL};
-    int64_t across_pose = -1;
+    int64_t across_pose = -1, steps = 0;
     for (int64_t item = 0; item < turns * placing->masks->n_poses; item++) {
         const struct mask mask = mask_of(placing->masks, chart, item / turns);
         const int64_t turn = item % turns;
@@ -197,8 +196,7 @@ static struct turned_chart find_place(struct placing *placing, int64_t chart, in
         struct spot *first = &placing->firsts[size_class(width, hurry)][size_class(height, hurry)];
         const struct turned_chart turned = {width, height, n_spans, placing->spans};
         const struct spot found =
-            lowest_place(&placing->cells, &turned, *first, least_top, &placing->work);
-        placing->work += mask.width * mask.height;
+            lowest_place(&placing->cells, &turned, *first, least_top, &steps);
         if (hurry > 0 && found.y >= 0)
             *first = found;
         else if (hurry > 0 && least_top - height > first->y)
@@ -218,14 +216,13 @@ static struct turned_chart find_place(struct placing *placing, int64_t chart, in
     return best;
 }
 
-/* Place the charts of `order`, each where its top ends lowest; return how many found no place.
-   `work` gets the steps of the search. */
+/* Place the charts of `order`, each where its top ends lowest; return how many found no place. */
 EXPORT int64_t place_charts(
     int64_t n_cells, int64_t n_charts, int64_t n_poses, int64_t n_order, int64_t n_widths,
     const uint8_t masks[n_cells], const int64_t starts[n_charts][n_poses],
     const int64_t boxes[n_charts][n_poses][2], const int32_t order[n_order], int64_t n_rows,
     int64_t n_columns, const int32_t half_widths[n_widths], bool all_or_nothing, int64_t hurry,
-    int32_t places[n_charts][4], int32_t tops[n_charts], int64_t work[1])
+    int32_t places[n_charts][4], int32_t tops[n_charts])
 {
     OPEN_ARENA(arena);
     const struct chart_masks all = {n_poses, masks, starts[0], boxes[0]};
@@ -233,7 +230,7 @@ EXPORT int64_t place_charts(
     struct placing placing = {
         &all, hurry, take_cells(arena, n_rows, n_columns),
         take_zeros(arena, N_CLASSES, sizeof *placing.firsts), TAKE(arena, struct span, most),
-        TAKE(arena, struct span, most), TAKE(arena, uint8_t, most), n_rows * n_columns / 4,
+        TAKE(arena, struct span, most), TAKE(arena, uint8_t, most),
     };
     int64_t n_missing = 0;
     for (int64_t i = 0; i < n_order; i++) {
@@ -246,10 +243,9 @@ EXPORT int64_t place_charts(
             continue;
         }
         tops[chart] = (int32_t)(places[chart][1] + placed.height);
-        placing.work += block_chart(
+        block_chart(
             &placing.cells, &placed, places[chart][0], places[chart][1], n_widths, half_widths);
     }
-    work[0] = placing.work;
     close_arena(arena);
     return n_missing;
 }

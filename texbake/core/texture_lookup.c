@@ -63,18 +63,12 @@ EXPORT void sample_nearest(
 
 EXPORT void sample_ramp(
     int64_t n_stops, int64_t n_channels, int64_t n,
-    const float stops[n_stops][n_channels], const float values[n], int64_t wrap,
-    const float border[n_channels], float out[n][n_channels], int64_t start, int64_t stop)
+    const float stops[n_stops][n_channels], const float values[n], float out[n][n_channels],
+    int64_t start, int64_t stop)
 {
     const int64_t last = n_stops - 1;
     for (int64_t i = start; i < stop; i++) {
-        double place = wrap_to_unit(values[i], wrap);
-        if (wrap == WRAP_BORDER && !(place >= 0.0 && place <= 1.0)) {
-            for (int64_t channel = 0; channel < n_channels; channel++)
-                out[i][channel] = border[channel];
-            continue;
-        }
-        place *= (double)last;
+        const double place = wrap_to_unit(values[i], WRAP_CLAMP) * (double)last;
         const int64_t first = max_i64(min_i64((int64_t)place, last - 1), 0);
         const int64_t second = min_i64(first + 1, last);
         const float along = (float)(place - (double)first);

@@ -88,21 +88,6 @@ def selected(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
     )
 
 
-def with_selected_corners(
-    mesh: Mesh, chosen: npt.NDArray[np.bool_], corners: FloatArray
-) -> tuple[FloatArray, int]:
-    """Corner coordinates of a whole mesh after some of its faces got new ones.
-
-    `chosen` (F,) bool; `corners` (n, 3, 2) float64: coordinates of the chosen faces. Other faces
-    keep theirs; if the mesh has none, they get (0, 0). Returns `corners` (F, 3, 2) float64;
-    `n_without`: other faces without coordinates.
-    """
-    has_uvs = mesh.uvs is not None
-    whole = mesh.corner_uvs().copy() if has_uvs else np.zeros((mesh.n_faces, 3, 2))
-    whole[chosen] = corners
-    return whole, 0 if has_uvs else int(mesh.n_faces - chosen.sum())
-
-
 # In model units or texture tiles. Its fourth power, the square of an area, is still finite.
 _LONGEST = 1e75
 

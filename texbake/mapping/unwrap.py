@@ -21,7 +21,6 @@ from texbake.mapping.corner_uvs import (
     faces_of_group,
     selected,
     with_coordinates,
-    with_selected_corners,
 )
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import METHODS, UnwrapOptions
@@ -29,7 +28,7 @@ from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh, UvSet
+from texbake.mesh.mesh import Mesh, UvSet
 from texbake.progress import ProgressSink, StageRecord, Stages
 
 # Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
@@ -171,33 +170,29 @@ def _unwrapped(
     results = []
     for mesh, faces, part in zip(meshes, chosen, mapped, strict=True):
         corners = part.corners + np.array(options.offset, dtype=np.float64)
-        _check_reach(corners)
-        corners, n_without = with_selected_corners(mesh, faces, corners)
-        if n_without:
-            part.tallies["faces of other groups without coordinates"] = n_without
-        made = with_coordinates(mesh, corners)
+        farthest = float(np.abs(corners).max())
+        if not farthest <= _FARTHEST:
+            raise OptionError(
+                f"scale, warp, offset: coordinates would lie up to {farthest:.3g} tiles from the "
+                f"origin; keep them within {_FARTHEST:.0e}"
+            )
+        if mesh.uvs is None:
+            whole = np.zeros((mesh.n_faces, 3, 2))
+            if not faces.all():
+                others = int(mesh.n_faces - faces.sum())
+                part.tallies["faces of other groups without coordinates"] = others
+        else:
+            whole = mesh.corner_uvs().copy()
+        whole[faces] = corners
+        made = with_coordinates(mesh, whole)
         if normals == "uv":
             made = with_normals(made, normals)
-        results.append(
-            (made if options.uv_set is None else _as_further(mesh, made, options.uv_set), part)
-        )
+        if options.uv_set is not None:
+            assert made.uvs is not None and made.uv_faces is not None
+            further = UvSet(made.uvs, made.uv_faces)
+            made = mesh.replace(uv_sets={**mesh.uv_sets, options.uv_set: further})
+        results.append((made, part))
     return results
-
-
-def _as_further(mesh: Mesh, made: Mesh, name: str) -> Mesh:
-    """Return a mesh with the coordinates that were made as a further set."""
-    assert made.uvs is not None and made.uv_faces is not None
-    return mesh.replace(uv_sets={**mesh.uv_sets, name: UvSet(made.uvs, made.uv_faces)})
-
-
-def _check_reach(corners: FloatArray) -> None:
-    """Raise where coordinates are too far away to look up anything in a texture."""
-    farthest = float(np.abs(corners).max())
-    if not farthest <= _FARTHEST:
-        raise OptionError(
-            f"scale, warp, offset: coordinates would lie up to {farthest:.3g} tiles from the "
-            f"origin; keep them within {_FARTHEST:.0e}"
-        )
 
 
 def _mapped_by_atlas(

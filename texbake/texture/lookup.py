@@ -140,14 +140,12 @@ def ramp_lookup(
     stops: npt.NDArray[Any],
     values: npt.NDArray[Any],
     *,
-    wrap: str = "clamp",
-    border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
     """Look up colors of a ramp, interpolated between its stops.
 
-    `stops` (k, C) float32, linear colors at 0, 1 / (k - 1), ..., 1; `values` (n,) float32; `border`
-    float or (C,). Returns (n, C) float32.
+    `stops` (k, C) float32, linear colors at 0, 1 / (k - 1), ..., 1; `values` (n,) float32, outside
+    as at the nearer end. Returns (n, C) float32.
 
     Examples
     --------
@@ -155,16 +153,14 @@ def ramp_lookup(
     >>> ramp_lookup(stops, np.array([0.25, 0.75, 2.0])).ravel().tolist()
     [0.5, 3.0, 5.0]
     """
-    code = wrap_code(wrap)
     stops = np.require(stops, np.float32, ["C", "A"])
     if stops.ndim != 2 or stops.size == 0:
         raise OptionError(f"stops: the shape {stops.shape} is not (stops, channels)")
     values = np.require(values, np.float32, ["C", "A"])
     if values.ndim != 1:
         raise OptionError(f"values: the shape {values.shape} is not (n,)")
-    outside = border_values(border, stops.shape[1])
     out = np.empty((len(values), stops.shape[1]), np.float32)
-    work = partial(core.sample_ramp, stops, values, code, outside, out)
+    work = partial(core.sample_ramp, stops, values, out)
     run_bands(work, len(values), band=_RAMP_BAND, threads=threads)
     return out
 

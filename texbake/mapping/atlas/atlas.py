@@ -62,36 +62,19 @@ def make_atlas(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, *, threads: int | None = None
 ) -> list[Atlas]:
     """Make the charts of meshes and pack them all into one texture or its tiles."""
-    found = _packed_charts(meshes, options, stages, threads)
+    atlases, packing = _packed_charts(meshes, options, stages, threads)
     if options.quality == "best" and not options.keep:
         # On meshes of few faces, allowing more stretch may lead to nothing.
-        others = _packed_charts(meshes, replace(options, quality="good"), stages, threads)
-        if others.packing.fill > found.packing.fill and others.n_charts <= found.n_charts:
-            found = others
-    parts = np.split(found.packing.uvs, np.cumsum([len(each.uvs) for each in found.charts])[:-1])
-    return [
-        Atlas(corners=uvs[charts.faces], charts=charts, padding=found.padding)
-        for uvs, charts in zip(parts, found.charts, strict=True)
-    ]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _PackedCharts:
-    """The charts of all meshes, and where they lie."""
-
-    charts: list[Charts]
-    packing: Packing
-    padding: int
-
-    @property
-    def n_charts(self) -> int:
-        """Charts of all meshes together."""
-        return sum(charts.n_charts for charts in self.charts)
+        good = replace(options, quality="good")
+        others, denser = _packed_charts(meshes, good, stages, threads)
+        if denser.fill > packing.fill and len(denser.tiles) <= len(packing.tiles):
+            return others
+    return atlases
 
 
 def _packed_charts(
     meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
-) -> _PackedCharts:
+) -> tuple[list[Atlas], Packing]:
     """Make the charts of meshes and pack them."""
     name = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
     if options.by_group:  # fail before the work
@@ -122,7 +105,12 @@ def _packed_charts(
             unit=unit,
             threads=threads,
         )
-    return _PackedCharts(charts=all_charts, packing=packing, padding=padding)
+    parts = np.split(packing.uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
+    atlases = [
+        Atlas(corners=uvs[charts.faces], charts=charts, padding=padding)
+        for uvs, charts in zip(parts, all_charts, strict=True)
+    ]
+    return atlases, packing
 
 
 def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:

@@ -254,32 +254,22 @@ def onto_sphere(
     """Longitudes and latitudes of the corners of faces.
 
     `points` (N, 3) float64; `faces` (F, 3) int; `theta`: longitudes in degrees that become s = 0
-    and s = 1; `polygons` (F,) int32.
+    and s = 1; `rounding`: points no farther than this from the axis are at a pole, from the center
+    at it; `polygons` (F,) int32.
 
     A corner at a pole gets the longitude of the centroid of its face; one at the center has
     latitude 0.
     """
     angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
-    t = latitude_coordinates(points, rounding)
+    x, y, height = points.T
+    radius = pm.hypot(x, y)
+    t = np.asarray(0.5 + pm.arctan2(height, radius) / np.pi)
+    at_pole = radius <= rounding
+    t[at_pole] = np.where(height[at_pole] > 0.0, 1.0, 0.0)
+    t[at_pole & (np.abs(height) <= rounding)] = 0.5
     at_center = np.abs(points).max(axis=1) <= rounding
     at_centers = {"corners at the center": int(at_center[faces].sum())}
     return Projected(
         corners=np.stack([angles.s, t[faces]], axis=2),
         tallies=angles.tallies("a pole") | at_centers,
     )
-
-
-def latitude_coordinates(points: FloatArray, rounding: float) -> FloatArray:
-    """Latitudes as a texture coordinate, t = 1/2 + latitude / pi.
-
-    `points` (N, 3) float64; `rounding`: points no farther than this from the center have latitude
-    0; other points no farther than this from the axis are at a pole. Returns (N,) float64, in [0,
-    1].
-    """
-    x, y, height = points.T
-    radius = pm.hypot(x, y)
-    t = 0.5 + pm.arctan2(height, radius) / np.pi
-    at_pole = radius <= rounding
-    t[at_pole] = np.where(height[at_pole] > 0.0, 1.0, 0.0)
-    t[at_pole & (np.abs(height) <= rounding)] = 0.5
-    return np.asarray(t)

@@ -45,26 +45,30 @@ from texbake.mesh.normals import smooth_normals
 def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
     """Map a mesh through an intermediate surface."""
     frame = _frame(options)
-    local = points_about(mesh, _center(mesh, options, frame), frame)
+    if options.surface == "cylinder":
+        center = center_about_axis(mesh, options.center, frame)
+    else:
+        center = center_of(mesh, options.center)
+    local = points_about(mesh, center, frame)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     used[mesh.faces.ravel()] = True
     # Unused vertices may lie anywhere, but their rays are computed with the rest.
     local = replace(local, points=np.where(used[:, None], local.points, 0.0))
+    by_normal = options.via == "surface-normal"
     if options.surface == "box":
-        return _onto_box(mesh, local, frame, options)
-    surface = surface_around(local, mesh.faces, options)
-    # A ray from the center hits a sphere along its normal.
-    if options.via == "surface-normal" or (options.surface, options.via) == ("sphere", "centroid"):
-        return surface.coordinates(local.points, mesh.faces, mesh.polygon_of)
-    directions, tallies = _directions(mesh, local, frame, options)
-    mapped = mapped_by_rays(surface, local.points, directions, mesh.faces, mesh.polygon_of)
-    return _joined(tallies, mapped)
-
-
-def _center(mesh: Mesh, options: UnwrapOptions, frame: FloatArray) -> FloatArray:
-    if options.surface == "cylinder":
-        return center_about_axis(mesh, options.center, frame)
-    return center_of(mesh, options.center)
+        # The object's normals choose among the normals of the box.
+        directions, tallies = _directions(mesh, local, center, frame, options)
+        box = Box.around(local, mesh.faces, options)
+        onto_box = box.mapped_by_normals if by_normal else box.mapped_by_rays
+        mapped = onto_box(local.points, directions, mesh.faces)
+    else:
+        surface = surface_around(local, mesh.faces, options)
+        # A ray from the center hits a sphere along its normal.
+        if by_normal or (options.surface, options.via) == ("sphere", "centroid"):
+            return surface.coordinates(local.points, mesh.faces, mesh.polygon_of)
+        directions, tallies = _directions(mesh, local, center, frame, options)
+        mapped = mapped_by_rays(surface, local.points, directions, mesh.faces, mesh.polygon_of)
+    return replace(mapped, tallies=tallies | mapped.tallies)
 
 
 def _frame(options: UnwrapOptions) -> FloatArray:
@@ -75,23 +79,8 @@ def _frame(options: UnwrapOptions) -> FloatArray:
     return upright_frame(AXES[axis] if isinstance(axis, str) else axis)
 
 
-def _onto_box(
-    mesh: Mesh, local: LocalPoints, frame: FloatArray, options: UnwrapOptions
-) -> Projected:
-    """Map through the box; the object's normals choose among the normals of the box."""
-    box = Box.around(local, mesh.faces, options)
-    directions, tallies = _directions(mesh, local, frame, options)
-    mapped = box.mapped_by_normals if options.via == "surface-normal" else box.mapped_by_rays
-    return _joined(tallies, mapped(local.points, directions, mesh.faces))
-
-
-def _joined(tallies: dict[str, int], mapped: Projected) -> Projected:
-    """Add tallies to those of a mapping."""
-    return Projected(corners=mapped.corners, tallies=tallies | mapped.tallies)
-
-
 def _directions(
-    mesh: Mesh, local: LocalPoints, frame: FloatArray, options: UnwrapOptions
+    mesh: Mesh, local: LocalPoints, center: FloatArray, frame: FloatArray, options: UnwrapOptions
 ) -> tuple[FloatArray, dict[str, int]]:
     """(V, 3) float64 unit directions of rays, 0 for a vertex at the center; and tallies.
 
@@ -103,7 +92,7 @@ def _directions(
     directions = in_frame(smooth_normals(mesh), frame)
     if options.via == "reflection":
         assert options.eye is not None
-        to_eye = np.array(options.eye) - _center(mesh, options, frame)
+        to_eye = np.array(options.eye) - center
         views = in_frame(to_eye[None] * local.scale, frame) - local.points
         directions = _mirrored(_unit(views, local.rounding), directions)
     rayless = (directions == 0.0).all(axis=1)

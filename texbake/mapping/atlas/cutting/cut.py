@@ -110,13 +110,20 @@ def cut_charts(
             points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
         )
     else:
-        labels = _labels(points, corners, opposite, mesh.polygon_of, _QUALITIES[quality])
+        sizes = _QUALITIES[quality]
+        labels = _labels(points, corners, opposite, mesh.polygon_of, sizes)
+        area = float(surface_areas(points[corners[solid]]).sum())
         pieces, left = disk_charts(
             points,
             corners,
             step_lengths(points, corners, opposite, mesh.polygon_of),
             split_parts(opposite, np.where(solid, labels, -1)),
-            limits=_limits(points[corners[solid]], _QUALITIES[quality]),
+            limits=ChartLimits(
+                l2=sizes.most_l2,
+                length=_MOST_SIDES * math.sqrt(area),
+                area=sizes.most_share * area,
+                total_area=area,
+            ),
             threads=threads,
             advance=advance,
         )
@@ -128,17 +135,6 @@ def cut_charts(
     if not pieces:
         raise UnwrapError(_why_nothing(mesh))
     return gather_charts(mesh.faces, pieces, notes)
-
-
-def _limits(solid: FloatArray, quality: _Quality) -> ChartLimits:
-    """Limits of charts of faces (F, 3, 3): those that fill a square well."""
-    area = float(surface_areas(solid).sum())
-    return ChartLimits(
-        l2=quality.most_l2,
-        length=_MOST_SIDES * math.sqrt(area),
-        area=quality.most_share * area,
-        total_area=area,
-    )
 
 
 def _labels(

@@ -37,11 +37,6 @@ class Contact:
     # inside the joined chart; NaN at the start of a path.
     turns: FloatArray
 
-    @property
-    def length(self) -> float:
-        """Total length of all paths."""
-        return float(self.lengths.sum())
-
 
 def find_contact(one: ChartPiece, other: ChartPiece, opposite: IntArray) -> Contact | None:
     """Find where two pieces meet; None if they do not."""

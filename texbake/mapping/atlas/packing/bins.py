@@ -6,7 +6,6 @@ Charts are placed one after another, large ones first, each where its top ends l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -125,20 +124,17 @@ class Bins:
         tile has room for a chart; and the row above the charts of the last tile.
         """
         for tile in range(most):
-            placed = place_charts(
-                bitmaps,
-                order,
-                self.grid,
-                all_or_nothing=tile == most - 1,
-                hurry=self.hurry,
+            last = tile == most - 1
+            found, tops, n_missing = place_charts(
+                bitmaps, order, self.grid, all_or_nothing=last, hurry=self.hurry
             )
-            here = order[placed.places[order, 0] >= 0]
-            places[here], tiles[here] = placed.places[here], tile
-            if placed.n_missing == 0:
-                return tile + 1, int(placed.tops.max())
-            if len(here) == 0 and tile < most - 1:
+            here = order[found[order, 0] >= 0]
+            places[here], tiles[here] = found[here], tile
+            if n_missing == 0:
+                return tile + 1, int(tops.max())
+            if len(here) == 0 and not last:
                 return None, 0
-            order = order[placed.places[order, 0] < 0]
+            order = order[found[order, 0] < 0]
         return most + 1, 0
 
 
@@ -214,18 +210,6 @@ def _guess_with_padding(bins: Bins, share: float) -> float:
     return room / (linear + math.sqrt(linear**2 + squared * room))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Placed:
-    """The places of charts."""
-
-    # (C, 4) int32; column and row of the lower left cell, pose, and counter-clockwise quarter turns
-    # of each chart; -1 for charts without a place.
-    places: IntArray
-    tops: IntArray  # (C,) int32; the row above each chart; 0 without a place
-    n_missing: int  # charts of the order that found no place
-    work: int  # steps of the search: a measure of time that is the same on every machine
-
-
 def place_charts(
     bitmaps: Bitmaps,
     order: IntArray,
@@ -233,7 +217,7 @@ def place_charts(
     *,
     all_or_nothing: bool = True,
     hurry: int = 0,
-) -> Placed:
+) -> tuple[IntArray, IntArray, int]:
     """Place charts, one after another, where their tops are lowest, in any pose and quarter turn.
 
     Kernel: `core/bottom_left.c`.
@@ -241,13 +225,15 @@ def place_charts(
     `order` (N,) int32: charts in the order in which they are placed, not necessarily all;
     `all_or_nothing`: stop at the first chart that finds no place; `hurry`: 1 starts the search for
     a chart where the last one of about the same size was placed, 2 does so for up to twice the size
-    and tries two quarter turns only.
+    and tries two quarter turns only. Returns `places` (C, 4) int32: column and row of the lower
+    left cell, pose, and counter-clockwise quarter turns of each chart, -1 for charts without a
+    place; `tops` (C,) int32: the row above each chart, 0 without a place; `n_missing`: charts of
+    the order that found no place.
     """
     places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
     tops = np.zeros(len(places), dtype=np.int32)
-    work = np.empty(1, dtype=np.int64)
     n_missing = core.place_charts(
         bitmaps.masks, bitmaps.starts, bitmaps.boxes, order, grid.height, grid.width,
-        grid.half_widths, all_or_nothing, hurry, places, tops, work,
+        grid.half_widths, all_or_nothing, hurry, places, tops,
     )  # fmt: skip
-    return Placed(places=places, tops=tops, n_missing=n_missing, work=int(work[0]))
+    return places, tops, n_missing

@@ -57,38 +57,6 @@ class Bitmaps:
     masks: npt.NDArray[np.uint8]  # (sum of columns times rows,) uint8; 1 where a cell is touched
 
 
-def rasterize_charts(
-    corners: FloatArray,
-    face_charts: IntArray,
-    low: FloatArray,
-    extents: FloatArray,
-    *,
-    scale: float,
-    margin: float,
-) -> Bitmaps:
-    """Find the cells that each chart touches in each of its poses.
-
-    `corners` (F, 3, K, 2) float64; `face_charts` (F,) int32; `low`, `extents` (C, K, 2) float64;
-    `scale`: cells per unit; `margin`: cells by which faces are enlarged. From 0 up, every cell that
-    the enlarged chart touches is marked; from -0.5 up, cells whose centers lie within `margin +
-    0.5` of it along both axes.
-
-    A chart without any marked cell takes one.
-
-    Kernel: `core/chart_bitmaps.c`.
-    """
-    boxes = np.maximum(np.ceil(extents * scale + 2.0 * margin), 1.0).astype(np.int64)
-    shifts = (boxes - extents * scale) / 2.0 - low * scale
-    n_cells = boxes.prod(axis=2)
-    starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
-    masks = np.zeros(n_cells.sum(), dtype=np.uint8)
-    core.mark_faces(corners, face_charts, scale, shifts, margin, boxes, starts, masks)
-    # Not their sum, for which all cells would be copied into larger numbers.
-    empty = np.maximum.reduceat(masks, starts.ravel()) == 0
-    masks[starts.ravel()[empty]] = 1
-    return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
-
-
 class Shapes(NamedTuple):
     """The cells of charts in O orientations, as runs along rows."""
 
@@ -181,10 +149,24 @@ class ChartRotations:
         return self.corners.size // 6 * _STEPS_A_FACE
 
     def bitmaps(self, scale: float, margin: float) -> Bitmaps:
-        """Bitmaps at a scale, in cells per unit, of charts enlarged by `margin` cells."""
-        return rasterize_charts(
-            self.corners, self.face_charts, self.low, self.extents, scale=scale, margin=margin
-        )
+        """The cells that each chart touches in each of its poses.
+
+        `scale`: cells per unit; `margin`: cells by which faces are enlarged. From 0 up, every cell
+        that the enlarged chart touches is marked; from -0.5 up, cells whose centers lie within
+        `margin + 0.5` of it along both axes. A chart without any marked cell takes one.
+
+        Kernel: `core/chart_bitmaps.c`.
+        """
+        boxes = np.maximum(np.ceil(self.extents * scale + 2.0 * margin), 1.0).astype(np.int64)
+        shifts = (boxes - self.extents * scale) / 2.0 - self.low * scale
+        n_cells = boxes.prod(axis=2)
+        starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
+        masks = np.zeros(n_cells.sum(), dtype=np.uint8)
+        core.mark_faces(self.corners, self.face_charts, scale, shifts, margin, boxes, starts, masks)
+        # Not their sum, for which all cells would be copied into larger numbers.
+        empty = np.maximum.reduceat(masks, starts.ravel()) == 0
+        masks[starts.ravel()[empty]] = 1
+        return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
 
     def placed_uvs(self, bitmaps: Bitmaps, scale: float, places: IntArray) -> FloatArray:
         """(T, 2) float64: coordinates, in cells of the grid, of charts at `places` (C, 4)."""

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -205,22 +205,9 @@ def _searched(
     return settled[0] if settled else None
 
 
-class _Scaled(Protocol):
-    """A result of a stage."""
-
-    @property
-    def scale(self) -> float: ...
-
-
-_Item = TypeVar("_Item")
-_Result = TypeVar("_Result", bound=_Scaled)
-
-
-def _best(
-    find: Callable[[_Item], _Result | None], items: Sequence[_Item], threads: int | None
-) -> list[_Result]:
+def _best(find: Callable[[Any], Any], items: Sequence[Any], threads: int | None) -> list[Any]:
     """Results for all items, those of the largest scale first; without None."""
-    results: list[_Result | None] = [None] * len(items)
+    results: list[Any] = [None] * len(items)
 
     def run(index: int, _: int) -> None:
         results[index] = find(items[index])
