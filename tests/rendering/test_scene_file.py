@@ -298,29 +298,19 @@ WRONG = [
          "camera.position: it is the same as the target; move one of them"),
         ("[camera]\nview = [1]",
          "camera.view: [1] is neither [azimuth, elevation] nor [azimuth, elevation, distance]"),
-        ("[camera]\nview = [1, 2, 0]",
-         "camera.view: [1, 2, 0] has a distance that is not above 0"),
         ("[render]\nwidth = 1.5", "render.width: 1.5 is not a whole number; give one such as 4"),
-        ("[render]\nview = [0, 0]", "render.view: unknown key; known: width, height, up, "
-         "supersampling, background, exposure, back_faces, edges, interpolation, filter, buffer, "
-         "mapping_order, bounces, "
-         "max_triangles"),
         ("[render]\nbackground = 'blue'", "render.background: 'blue' is not a color; write "
          "'#rrggbb', or a list of three linear numbers"),
         ("[fog]\nmode = 'lineal'",
          "fog.mode: 'lineal' is not one of linear, exp, exp2; did you mean 'linear'?"),
         ("[ambient]\ncolor = [-1, 0, 0]",
          "ambient.color: [-1, 0, 0] is not a color; its numbers must be 0 or more"),
-        ("[materials]\nred = {roughnes = 1}",
-         "materials.red.roughnes: unknown key; did you mean 'roughness'?"),
     ]),
     *((f"{BALL}[[lights]]\n{text}", f"lights[0].{message}") for text, message in [
         ("intensity = 1", "kind: it is missing; it must be given"),
         ("kind = 'point'", "position: it is missing; a point light needs one"),
         ("kind = 'point'\nposition = [0, 1, 0]\nangle = 3",
          "angle: a point light does not use it; leave it out"),
-        ("kind = 'directional'\nposition = [0, 1, 0]",
-         "position: a directional light does not use it; leave it out"),
         ("kind = 'directional'\nintensity = true",
          "intensity: true is not a number; give one such as 0.5"),
     ]),
@@ -331,24 +321,17 @@ WRONG = [
          "an image or a procedure"),
         ("base_color = 'none.png'",
          "base_color.image: {folder}/none.png: there is no such file; check its name"),
-        ("base_color = {image = 'gray.png', filter = 'cubic'}", "base_color.filter: 'cubic' is not "
-         "one of nearest, bilinear, bicubic, trilinear, ewa, supersampled; did you mean "
-         "'bicubic'?"),
         ("base_color = {image = ''}", "base_color.image: '' is not a file name"),
         ("base_color = {image = 3}", "base_color.image: 3 is not a file name"),
         ("base_color = {filter = 'ewa'}", "base_color.image: it is missing; it must be given"),
         ("base_color = [1, 2]", "base_color: [1, 2] is not a color; give a number, [r, g, b] "
          "(linear), '#rrggbb' (sRGB), an image or a procedure"),
-        ("base_color = '#12'",
-         "base_color: '#12' is not a color; write '#rrggbb', or a list of three linear numbers"),
         ("base_color = {procedure = 'marble', sed = 1}",
          "base_color.sed: unknown key of marble; did you mean 'seed'?"),
         ("base_color = {procedure = 'marble', seed = 'x'}",
          "base_color.seed: 'x' is not a whole number; give one such as 7"),
         ("projected = [{texture = 'gray.png'}]",
          "projected[0].position: it is missing; give position and target, or a matrix"),
-        ("projected = [{texture = 'gray.png', matrix = 'matrix.txt', fov = 3}]",
-         "projected[0].fov: it conflicts with the matrix; give only one"),
     ]),
     *((f"[[objects]]\n{text}", f"objects[0].{message}") for text, message in [
         ("name = 'x'", "mesh: it is missing; give mesh = 'FILE' or shape = 'NAME'"),

@@ -213,8 +213,8 @@ def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> Defaul
         for mesh, item in zip(meshes, scene.objects, strict=True)
         if item.visible and not is_hidden(item.material)
     ]
-    found = fill_picture(seen or meshes, options)
-    return DefaultView(path, scene, options, found.camera, found.n_strays, side)
+    camera, n_strays = fill_picture(seen or meshes, options)
+    return DefaultView(path, scene, options, camera, n_strays, side)
 
 
 def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:

@@ -209,22 +209,14 @@ _SAMPLES = 1 << 13
 _BAND = 1 << 14
 
 
-@dataclass(frozen=True, eq=False)
-class Framed:
-    """A camera, and how many triangles it leaves out because they lie far away."""
-
-    camera: Camera
-    n_strays: int
-
-
-def fill_picture(meshes: Sequence[Mesh], options: RenderOptions) -> Framed:
-    """Return a camera that fills the picture with meshes."""
+def fill_picture(meshes: Sequence[Mesh], options: RenderOptions) -> tuple[Camera, int]:
+    """Camera that fills the picture, and how many triangles it leaves out as they lie far away."""
     kept = _without_strays(meshes)
     n_strays = sum(mesh.n_faces for mesh in meshes) - sum(mesh.n_faces for mesh in kept)
     camera = _fit_camera([used_positions(mesh) for mesh in kept], options)
     if camera is None:
         raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
-    return Framed(camera, n_strays)
+    return camera, n_strays
 
 
 def _fit_camera(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera | None:

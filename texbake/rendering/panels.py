@@ -75,11 +75,14 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
         _PAPER,
     )
     draw = ImageDraw.Draw(sheet)
+    paper = decode_srgb(np.array(_PAPER) / 255.0)
     for i, panel in enumerate(panels):
         left = margin + i * (panel_width + margin)
-        codes = np.rint(
-            encode_srgb(_composite_over_paper(panel.color[rows, columns])) * 255
-        ).astype(np.uint8)
+        shown = panel.color[rows, columns]
+        if shown.shape[2] == 4:
+            opacity = shown[..., 3:]
+            shown = (shown[..., :3] * opacity + paper * (1.0 - opacity)).astype(np.float32)
+        codes = np.rint(encode_srgb(shown) * 255).astype(np.uint8)
         sheet.paste(Image.fromarray(codes), (left + (panel_width - width) // 2, margin))
         below = height + margin + size // 3
         _text(draw, left, below, panel.caption, size, _INK, panel_width)
@@ -95,15 +98,6 @@ def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     """(..., 3): sRGB colors for levels from 0 to 1."""
     knots = np.linspace(0.0, 1.0, len(_RAMP))
     return np.stack([pm.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
-
-
-def _composite_over_paper(color: FloatImage) -> FloatImage:
-    """Composite a color with opacity over the background."""
-    if color.shape[2] == 3:
-        return color
-    paper = decode_srgb(np.array(_PAPER) / 255.0)
-    opacity = color[..., 3:]
-    return (color[..., :3] * opacity + paper * (1.0 - opacity)).astype(np.float32)
 
 
 def _crop(seen: npt.NDArray[np.bool_]) -> tuple[slice, slice]:

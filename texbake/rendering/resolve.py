@@ -219,7 +219,19 @@ def expose(
     """Return frames with exposed light, all with the same exposure."""
     if exposure is None:
         exposure = find_exposure(frames, threads=threads)
-    return [_exposed(frame, exposure, options, threads) for frame in frames]
+    found = []
+    for frame in frames:
+        color = frame.color.copy()
+        behind, covered = None, frame.coverage
+        if any(item.effect.behind is not None for item in frame.plan.passes):
+            # A visible environment behind the surfaces is exposed with them.
+            covered = np.ones_like(covered)
+        elif options.background is not None:
+            behind = decode_srgb(options.background).astype(np.float32)
+        kernel = partial(core.expose_pixels, color, covered, behind, exposure)
+        run_bands(kernel, frame.height, band=_BAND, threads=threads)
+        found.append(replace(frame, color=color, exposure=exposure))
+    return found
 
 
 def find_exposure(frames: Sequence[Frame], *, threads: int | None = None) -> float:
@@ -240,16 +252,3 @@ def _counts(frame: Frame, threads: int | None) -> IntArray:
     kernel = partial(core.count_bright, frame.color, frame.coverage, counts)
     run_bands(kernel, frame.height, band=_BAND, threads=threads)
     return np.asarray(counts.sum(axis=0))
-
-
-def _exposed(frame: Frame, exposure: float, options: RenderOptions, threads: int | None) -> Frame:
-    color = frame.color.copy()
-    behind, covered = None, frame.coverage
-    if any(item.effect.behind is not None for item in frame.plan.passes):
-        # A visible environment behind the surfaces is exposed with them.
-        covered = np.ones_like(covered)
-    elif options.background is not None:
-        behind = decode_srgb(options.background).astype(np.float32)
-    kernel = partial(core.expose_pixels, color, covered, behind, exposure)
-    run_bands(kernel, frame.height, band=_BAND, threads=threads)
-    return replace(frame, color=color, exposure=exposure)
