@@ -10,7 +10,7 @@ do the work; this module only runs them in order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, is_dataclass, replace
 from functools import partial
 from typing import Any
@@ -167,7 +167,7 @@ def lay_out(
         results=prepared.loaded.results.copy(),
         costs=Costs(),
         threads=prepared.threads,
-        draw_others=_draw_others(prepared, request),
+        draw_others=partial(_draw_others, prepared, request.depth + 1),
     )
     with stages.stage("place"):
         moving = [p for p in state.plan.passes if p.effect.moves_surface]
@@ -197,7 +197,10 @@ def _run(
     """Run `load` and `prepare` of passes, for objects only if they are in `seen`."""
     for item in passes:
         effect = item.effect
-        shown = item.targets if seen is None else _targets_in(item, seen)
+        shown: Collection[Target] = item.targets
+        if seen is not None:
+            of_seen = (a for a in item.activations if a.source is None or a.source in seen)
+            shown = seen if effect.of == "object" else {each.target for each in of_seen}
         for target in item.targets:
             why = None
             if target not in shown:
@@ -213,13 +216,6 @@ def _run(
                     state.costs.skip(effect.name, "it reaches no pixel")
                 value = Deferred(compute) if effect.deferred else compute()
                 state.results.put(result, target, value)
-
-
-def _targets_in(item: Pass, seen: Collection[int]) -> Collection[Target]:
-    """Targets of a pass that it is for if only some objects are in the picture."""
-    if item.effect.of == "object":
-        return seen
-    return {each.target for each in item.activations if each.source is None or each.source in seen}
 
 
 def _computed(
@@ -300,26 +296,20 @@ def find_background(state: RenderState) -> FloatImage | None:
 
 
 def _draw_others(
-    prepared: Prepared, request: RenderRequest
-) -> Callable[[Scene, Sequence[Camera], RenderOptions], list[FloatImage]]:
-    """Return a function that draws other pictures of the same objects, as for an environment."""
-
-    def draw_others(
-        scene: Scene, cameras: Sequence[Camera], options: RenderOptions
-    ) -> list[FloatImage]:
-        other = replace(prepared, scene=scene, options=options, loaded=SceneCache())
-        # These pictures reuse the results for objects and lights.
-        _share(prepared, other)
-        colors = [
-            _draw(other, RenderRequest(scene, options, camera, depth=request.depth + 1), Stages())[
-                0
-            ].color
-            for camera in cameras
-        ]
-        _share(other, prepared)
-        return colors
-
-    return draw_others
+    prepared: Prepared,
+    depth: int,
+    scene: Scene,
+    cameras: Sequence[Camera],
+    options: RenderOptions,
+) -> list[FloatImage]:
+    """Draw other pictures of the same objects, as for an environment."""
+    other = replace(prepared, scene=scene, options=options, loaded=SceneCache())
+    # These pictures reuse the results for objects and lights.
+    _share(prepared, other)
+    requests = [RenderRequest(scene, options, camera, depth=depth) for camera in cameras]
+    colors = [_draw(other, request, Stages())[0].color for request in requests]
+    _share(other, prepared)
+    return colors
 
 
 def _share(source: Prepared, destination: Prepared) -> None:

@@ -109,7 +109,12 @@ class PixelSampler:
         rows, columns = window.shape
         sums_here = PixelSums.empty(rows, columns)
         n_cells = int(np.count_nonzero(mask)) * sides.shaded**2
-        behind = self._behind_window(window)
+        behind = np.zeros((1, 1, 3), np.float32)
+        if self._behind is not None and self._behind.ndim == 1:
+            behind = np.ascontiguousarray(self._behind.reshape(1, 1, 3))
+        elif self._behind is not None:
+            here = self._behind[window.top : window.bottom, window.left : window.right]
+            behind = np.ascontiguousarray(here)
 
         def work(start: int, stop: int) -> None:
             if self._has_layers:
@@ -204,16 +209,6 @@ class PixelSampler:
             )
         with self._state.costs.timed("pixels"):
             sums.add_samples(samples, behind, rows[0], side)
-
-    def _behind_window(self, window: Window) -> Float32Array:
-        """(h, w, 3) or (1, 1, 3): background light in a window; 0 without a background."""
-        behind = self._behind
-        if behind is None:
-            return np.zeros((1, 1, 3), np.float32)
-        if behind.ndim == 1:
-            return np.ascontiguousarray(behind.reshape(1, 1, 3))
-        here = behind[window.top : window.bottom, window.left : window.right]
-        return np.ascontiguousarray(here)
 
 
 def _behind_all(state: RenderState) -> Float32Array | None:

@@ -106,8 +106,11 @@ class AdaptivePicture:
                     break
             shaded *= 2
         seen = FIRST.seen
-        while seen < FINEST:
-            self._see_finer(seen, bound)
+        while seen < FINEST:  # edges with too large errors get four times as many samples
+            wanted = (self.seen == seen) & (self.edge_errors() > bound)
+            for side in np.unique(self.shaded[wanted]).tolist():
+                self._take(wanted & (self.shaded == side), Sides(2 * seen, side))
+            self._code()
             seen *= 2
 
     @property
@@ -134,13 +137,6 @@ class AdaptivePicture:
         self._code()
         self._changes[wanted] = np.abs(self.codes[wanted] - before).max(axis=-1)
         return True
-
-    def _see_finer(self, seen: int, bound: float) -> None:
-        """Take four times as many samples of pixels whose edges have too large errors."""
-        wanted = (self.seen == seen) & (self.edge_errors() > bound)
-        for side in np.unique(self.shaded[wanted]).tolist():
-            self._take(wanted & (self.shaded == side), Sides(2 * seen, side))
-        self._code()
 
     def _take(self, wanted: BoolArray, sides: Sides) -> None:
         # Noted first, so that an interrupted picture can be restored.
