@@ -3,22 +3,11 @@
 import numpy as np
 import pytest
 
-from tests.fbx_writer import (
-    POINTS,
-    binary,
-    layer,
-    properties,
-    rich_scene,
-    scene,
-    written,
-)
+from tests.fbx_writer import POINTS, binary, layer, properties, rich_scene, scene, written
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_materials import has_alpha
-from texbake.mesh.materials import (
-    UNPLACED,
-    read_materials,
-)
+from texbake.mesh.materials import UNPLACED, read_materials
 from texbake.texture.image import write_image
 
 

@@ -11,12 +11,7 @@ from texbake.errors import FileFormatError, ReadWarning
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.gltf_document import Document
-from texbake.mesh.files.gltf_materials import (
-    GltfSource,
-    GltfTexture,
-    image_bytes,
-    read_material,
-)
+from texbake.mesh.files.gltf_materials import GltfSource, GltfTexture, image_bytes, read_material
 from texbake.mesh.materials import read_materials
 from texbake.rendering.scene.read import read_scene
 

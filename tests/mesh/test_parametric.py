@@ -12,11 +12,7 @@ from tests.mesh.test_shapes import areas_in_texture
 from texbake import MakeOptions, OptionError, make
 from texbake.errors import MeshError
 from texbake.mesh.normals import face_normals
-from texbake.mesh.parametric.grid import (
-    circle_points,
-    part_way,
-    triangulate,
-)
+from texbake.mesh.parametric.grid import circle_points, part_way, triangulate
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPE_DEFAULTS, SHAPES
 from texbake.mesh.remeshing.boundary import Loops
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges

@@ -154,8 +154,6 @@ def length_of(name: str, what: str, value: str | float, diagonal: float) -> floa
 
 
 QUALITIES: Final = ("fast", "best")
-DEFAULT_QUALITY: Final = "fast"
-DEFAULT_SEAMS: Final = "auto"
 
 MIN_FACES: Final = 4
 """The faces of a tetrahedron: fewer enclose nothing."""
@@ -195,12 +193,12 @@ class SimplifyOptions(CheckedOptions):
     n_faces: Annotated[int | None, FACES_OPTION] = None
     error: Annotated[str | float | None, ERROR_OPTION] = None
     quality: str = option(
-        DEFAULT_QUALITY,
+        "fast",
         "Simplify quickly (fast), or more slowly and closer to the surface (best).",
         choices=QUALITIES,
     )
     seams: str = option(
-        DEFAULT_SEAMS,
+        "auto",
         "Seams of texture coordinates: keep them while the number of triangles can be reached "
         "with them (auto), keep them and more triangles if need be (keep), or leave texture "
         "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "

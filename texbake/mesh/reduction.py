@@ -36,7 +36,7 @@ from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
-from texbake.mesh.options import DEFAULT_SEAMS
+from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
 from texbake.mesh.weld import later_copies, unique_rows
@@ -74,27 +74,23 @@ class Reduction:
     distance: SurfaceDistance | None = None  # where it was measured
 
 
-def reduced(
-    mesh: Mesh, n_faces: int, quality: str, threads: int | None, seams: str = DEFAULT_SEAMS
-) -> Reduction:
+def reduced(mesh: Mesh, n_faces: int, options: SimplifyOptions, threads: int | None) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible."""
-    if seams == "drop" and mesh.uvs is not None:
+    if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
-        low = reduced(
-            mesh.replace(normals=None, normal_faces=None), n_faces, quality, threads, seams
-        )
+        low = reduced(mesh.replace(normals=None, normal_faces=None), n_faces, options, threads)
         return noted(low, "its normals are those of its facets: none of its edges counts as hard")
     if _is_without_charts(mesh):
-        low = reduced(mesh.replace(uvs=None, uv_faces=None), n_faces, quality, threads)
+        low = reduced(mesh.replace(uvs=None, uv_faces=None), n_faces, options, threads)
         return noted(low, "its texture coordinates, where no face has an area, were left out")
     start = bring_down(weld_corners(mesh, threads=threads), n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"
         )
-    result = _fast(mesh, start, n_faces, seams, threads)
-    if quality == "best":
+    result = _fast(mesh, start, n_faces, options.seams, threads)
+    if options.quality == "best":
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
     if note is not None:

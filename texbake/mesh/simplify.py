@@ -26,13 +26,7 @@ from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.options import (
-    DEFAULT_QUALITY,
-    DEFAULT_SEAMS,
-    MIN_FACES,
-    SimplifyOptions,
-    error_limit,
-)
+from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
 from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
 from texbake.progress import ProgressSink, Stages
 
@@ -92,8 +86,8 @@ def simplify(
     n_faces: int | None = None,
     *,
     error: str | float | None = None,
-    quality: str = DEFAULT_QUALITY,
-    seams: str = DEFAULT_SEAMS,
+    quality: str = SimplifyOptions.quality,
+    seams: str = SimplifyOptions.seams,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> Mesh:
@@ -159,7 +153,8 @@ def simplify(
     500
     """
     mesh = as_mesh(mesh)
-    return _simplified(mesh, n_faces, error, quality, seams, Stages(progress), threads).mesh
+    options = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams)
+    return _simplified(mesh, options, Stages(progress), threads).mesh
 
 
 def simplify_with_report(
@@ -167,8 +162,8 @@ def simplify_with_report(
     n_faces: int | None = None,
     *,
     error: str | float | None = None,
-    quality: str = DEFAULT_QUALITY,
-    seams: str = DEFAULT_SEAMS,
+    quality: str = SimplifyOptions.quality,
+    seams: str = SimplifyOptions.seams,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
@@ -176,7 +171,8 @@ def simplify_with_report(
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
-    result = _simplified(mesh, n_faces, error, quality, seams, stages, threads)
+    options = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams)
+    result = _simplified(mesh, options, stages, threads)
     seconds = time.perf_counter() - start
     low, distance = result.mesh, result.distance
     if distance is None:
@@ -221,47 +217,38 @@ def check_count(n_faces: int, n_asked: int | None, name: str, remedy: str) -> No
 
 
 def _simplified(
-    mesh: Mesh,
-    n_faces: int | None,
-    error: str | float | None,
-    quality: str,
-    seams: str,
-    stages: Stages,
-    threads: int | None,
+    mesh: Mesh, options: SimplifyOptions, stages: Stages, threads: int | None
 ) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
-    n_faces = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams).n_faces
-    limit = error_limit(error, mesh.diagonal)
+    n_faces, limit = options.n_faces, error_limit(options.error, mesh.diagonal)
     if limit is not None and 0.0 < _MOST_ERROR * mesh.diagonal < limit:
         raise OptionError(
             f"error: {mesh.name} is {mesh.diagonal:.4g} model units across, so {limit:.4g} would "
             "leave nothing of it; give a smaller one, such as 0.5% of the diagonal"
         )
-    if limit is not None:
-        with stages.stage("simplify"):
-            return _within(mesh, n_faces, limit, quality, seams, threads)
-    assert n_faces is not None
-    if n_faces >= mesh.n_faces:
+    if limit is None and n_faces is not None and n_faces >= mesh.n_faces:
         return _unchanged(mesh, _FEW_FACES)
     with stages.stage("simplify"):
-        return reduced(mesh, n_faces, quality, threads, seams)
+        if limit is not None:
+            return _within(mesh, limit, options, threads)
+        assert n_faces is not None
+        return reduced(mesh, n_faces, options, threads)
 
 
 def _unchanged(mesh: Mesh, note: str) -> Reduction:
     return Reduction(mesh, None, "unchanged", (note,))
 
 
-def _within(
-    mesh: Mesh, n_faces: int | None, limit: float, quality: str, seams: str, threads: int | None
-) -> Reduction:
+def _within(mesh: Mesh, limit: float, options: SimplifyOptions, threads: int | None) -> Reduction:
     """The result of fewest faces found, not below a number, that lies within a distance."""
+    n_faces = options.n_faces
     if mesh.n_faces <= (n_faces or MIN_FACES):
         return _unchanged(mesh, _FEW_FACES)
     fitting = _unchanged(mesh, "fewer faces would lie further from the mesh than the error allows")
 
     def attempt(n_asked: int) -> Trial:
         nonlocal fitting
-        result = reduced(mesh, n_asked, quality, threads, seams)
+        result = reduced(mesh, n_asked, options, threads)
         distance = surface_distance(mesh, result.mesh, threads=threads)
         n_left = result.mesh.n_faces
         if result.gave_up and n_asked != n_faces:

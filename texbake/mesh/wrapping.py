@@ -44,12 +44,7 @@ from texbake.mesh.remeshing.solid import (
     signed,
     solid_points,
 )
-from texbake.mesh.topology import (
-    face_components,
-    find_edges,
-    genus,
-    repeated_vertices,
-)
+from texbake.mesh.topology import face_components, find_edges, genus, repeated_vertices
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import ProgressSink, Stages
 

@@ -30,13 +30,7 @@ from texbake.mesh.remeshing.band import (
     Band,
     Grid,
 )
-from texbake.mesh.remeshing.boundary import (
-    Filled,
-    Loops,
-    count_loops,
-    oriented,
-    with_own_fans,
-)
+from texbake.mesh.remeshing.boundary import Filled, Loops, count_loops, oriented, with_own_fans
 from texbake.mesh.remeshing.projection import project, without_folds
 from texbake.mesh.remeshing.solid import Nets, nets_of, signed
 from texbake.mesh.topology import edge_keys, face_components, find_edges, opposite_half_edges

@@ -20,15 +20,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
-from texbake.mesh.remeshing.band import (
-    BLOCK_POINTS,
-    CORE,
-    OUTSIDE,
-    ROOM,
-    SHELL,
-    SHELL_DEPTH,
-    Band,
-)
+from texbake.mesh.remeshing.band import BLOCK_POINTS, CORE, OUTSIDE, ROOM, SHELL, SHELL_DEPTH, Band
 from texbake.mesh.topology import face_components
 from texbake.parallel import run_bands
 
