@@ -150,6 +150,9 @@ def scenes(drawn: Drawn) -> None:
     place = drawn.below(len(scene.objects))
     if drawn.flag():
         scene = with_object(scene, place, replace(scene.objects[place], mesh=mesh))
+    if drawn.rarely(4):
+        lamps = (replace(lamp, intensity=1e6 * lamp.intensity) for lamp in scene.lighting.lights)
+        scene = replace(scene, lighting=replace(scene.lighting, lights=tuple(lamps)))
     item = scene.objects[place]
     if drawn.flag() and item.material.normal_map is not None:
         normals = replace(item.material.normal_map, space="object")

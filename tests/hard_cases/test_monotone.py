@@ -3,12 +3,10 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 
 import texbake
 from texbake.mesh.shapes import plane
 from texbake.texture.encoding import decode_heights, decode_normals, encode_heights, encode_normals
-from texbake.texture.lookup import lookup
 
 POINTS = np.random.default_rng(8).random((2000, 2))
 
@@ -37,21 +35,6 @@ def degrees(vectors, units):
 
 def assert_falling(errors):
     assert all(after < before for before, after in pairwise(errors)), errors
-
-
-@pytest.mark.parametrize("samples", [1, 4])
-def test_texture_size(samples):
-    heights, normals = wave(*POINTS.T)
-    high, angles, errors = high_poly(128), [], []
-    for size in (4, 8, 16, 32, 64):
-        options = texbake.BakeOptions(size=size, samples=samples, maps=("normal", "displacement"))
-        maps = texbake.bake(high, plane(), options).maps
-        # A low-poly plane with u along x and v along y: tangent space is space itself.
-        angles.append(degrees(lookup(maps["normal"].values, POINTS), normals))
-        found = lookup(maps["displacement"].values, POINTS)[:, 0]
-        errors.append(float(np.abs(found - heights).mean()))
-    assert_falling(angles)
-    assert_falling(errors)
 
 
 def test_high_poly_mesh():
