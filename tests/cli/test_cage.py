@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
-from texbake_cli.main import texbake
 
+from tests.cli.conftest import Invoke
 from texbake.baking.cage import fit_cage
 from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
@@ -17,24 +16,21 @@ from texbake.mesh.shapes import cube, orange, plane, uv_sphere
 from texbake.verbs.cage import cage_file
 
 
-@pytest.fixture
-def pair(tmp_path: Path) -> tuple[str, str]:
-    """Files of a high-poly and a low-poly mesh."""
-    high, low = tmp_path / "high.ply", tmp_path / "low.obj"
-    write_mesh(orange(2_000), high)
-    write_mesh(uv_sphere(6, 8), low)
-    return str(high), str(low)
+@pytest.fixture(autouse=True)
+def pair(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A current folder with a high-poly and a low-poly mesh."""
+    monkeypatch.chdir(tmp_path)
+    write_mesh(orange(2_000), "high.ply")
+    write_mesh(uv_sphere(6, 8), "low.obj")
 
 
-def test_a_bake_accepts_the_cage(pair: tuple[str, str], tmp_path: Path) -> None:
-    cage, normal = str(tmp_path / "cage.obj"), str(tmp_path / "normal.png")
-    result = CliRunner().invoke(texbake, ["cage", *pair, "-o", cage])
-    assert result.exit_code == 0, result.output
-    assert "moved by" in result.output
-    assert read_mesh(cage).n_faces == read_mesh(pair[1]).n_faces
-    words = ["bake-normals", *pair, "-o", normal, "--size", "32", "--cage", cage]
-    result = CliRunner().invoke(texbake, [*words, "--fail-on-miss", "0"])
-    assert result.exit_code == 0, result.output
+BAKE = "-o n.png --size 32 --cage cage.obj --fail-on-miss 0"
+
+
+def test_a_bake_accepts_the_cage(invoke: Invoke) -> None:
+    assert "moved by" in invoke("cage high.ply low.obj -o cage.obj").output
+    assert read_mesh("cage.obj").n_faces == read_mesh("low.obj").n_faces
+    invoke(f"bake-normals high.ply low.obj {BAKE}")
 
 
 def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path: Path) -> None:
@@ -54,34 +50,22 @@ def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path: Path) ->
     assert joined.distances[-8:].max() > 2.0 * distances[-8:].max()
 
 
-def test_parts_outside_any_cage_are_reported(tmp_path: Path) -> None:
-    high, low = tmp_path / "high.ply", tmp_path / "low.obj"
+def test_parts_outside_any_cage_are_reported(invoke: Invoke) -> None:
     wide = plane(9, 9)
-    write_mesh(wide.replace(positions=2.0 * wide.positions + [0.0, 0.0, 0.1]), high)
-    write_mesh(plane(2, 2), low)
-    result = CliRunner().invoke(
-        texbake, ["cage", str(high), str(low), "-o", str(tmp_path / "c.obj")]
-    )
-    assert result.exit_code == 0
-    assert "border" in result.output
+    write_mesh(wide.replace(positions=2.0 * wide.positions + [0.0, 0.0, 0.1]), "high.ply")
+    write_mesh(plane(2, 2), "low.obj")
+    assert "border" in invoke("cage high.ply low.obj -o c.obj").output
 
 
-@pytest.mark.parametrize("inside_out", ["high", "low"])
+@pytest.mark.parametrize("inside_out", ["high.ply", "low.obj"])
 def test_only_a_low_poly_mesh_that_is_inside_out_gets_a_warning(
-    pair: tuple[str, str], tmp_path: Path, inside_out: str
+    invoke: Invoke, inside_out: str
 ) -> None:
-    files = dict(zip(("high", "low"), pair, strict=True))
-    straight = CliRunner().invoke(texbake, ["cage", *pair, "-o", str(tmp_path / "straight.obj")])
-    mesh = read_mesh(files[inside_out])
-    turned = Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1].copy())
-    files[inside_out] = str(tmp_path / f"turned{Path(files[inside_out]).suffix}")
-    write_mesh(turned, files[inside_out])
-    cage = tmp_path / "cage.obj"
-    result = CliRunner().invoke(texbake, ["cage", *files.values(), "-o", str(cage)])
-    assert straight.exit_code == result.exit_code == 0, result.output
-    assert "faces against" not in straight.output
-    assert ("faces against the high-poly surface" in result.output) is (inside_out == "low")
-    if inside_out == "high":
-        words = ["bake-normals", *files.values(), "-o", str(tmp_path / "n.png"), "--size", "32"]
-        baked = CliRunner().invoke(texbake, [*words, "--cage", str(cage), "--fail-on-miss", "0"])
-        assert baked.exit_code == 0, baked.output
+    line = "cage high.ply low.obj -o cage.obj"
+    assert "faces against" not in invoke(line).output
+    mesh = read_mesh(inside_out)
+    write_mesh(Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1].copy()), inside_out)
+    warned = "faces against the high-poly surface" in invoke(line).output
+    assert warned is (inside_out == "low.obj")
+    if not warned:
+        invoke(f"bake-normals high.ply low.obj {BAKE}")

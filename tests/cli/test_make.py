@@ -34,10 +34,6 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "patch.txt").write_text(PATCH)
     gray = np.linspace(0, 1, 20, dtype=np.float32).reshape(4, 5, 1)
     write_image(gray, tmp_path / "hill.png", color=False)
-    write_image(gray[:1, :1], tmp_path / "dot.png", color=False)
-    (tmp_path / "negative.txt").write_text("0 0\n-1 1\n")
-    (tmp_path / "hole.txt").write_text("1\n1,2,3\n16\n" + PATCH)
-    (tmp_path / "binary.txt").write_bytes(b"32\n\0\1\2\n")
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

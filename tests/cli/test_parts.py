@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from texbake import read_image, write_mesh
+from texbake import read_image, write_image, write_mesh
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import plane
 
@@ -38,11 +38,17 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-def run(tmp_path):
-    def run(*words):
-        return CliRunner().invoke(
-            texbake, ["bake", *map(str, words), "-o", str(tmp_path / "maps"), "--size", "32"]
+def run(folder, tmp_path, monkeypatch):
+    """Bake in a current folder of the meshes; what is made lies in `tmp_path`."""
+    monkeypatch.chdir(folder)
+
+    def run(line, exit_code=0):
+        words = line.replace("OUT", str(tmp_path)).split()
+        done = CliRunner().invoke(
+            texbake, ["bake", *words, "-o", f"{tmp_path}/maps", "--size", "32"]
         )
+        assert done.exit_code == exit_code and "Traceback" not in done.output, done.output
+        return done
 
     return run
 
@@ -51,18 +57,14 @@ def heights(path):
     return read_image(path, color=False).pixels[:, :, 0]
 
 
-def test_a_dry_run_prints_the_matches_and_bakes_nothing(run, folder, tmp_path):
-    report = tmp_path / "report.json"
-    result = run(
-        folder / "high.obj", folder / "low.obj", "--match-by-name", "--dry-run", "--report", report
-    )
-    assert result.exit_code == 0, result.output
+def test_a_dry_run_prints_the_matches_and_bakes_nothing(run, tmp_path):
+    result = run("high.obj low.obj --match-by-name --dry-run --report OUT/report.json")
     assert "arm_low  from arm_high" in result.output
     assert "LEG_low  from leg_high.001" in result.output
     assert "warning: y_low: no high-poly part of that name, so not baked" in result.output
     assert "warning: x_high: no low-poly part of that name, so not used" in result.output
     assert not (tmp_path / "maps").exists()
-    matching = json.loads(report.read_text())["matching"]
+    matching = json.loads((tmp_path / "report.json").read_text())["matching"]
     assert matching["matches"] == [
         {"base": "arm", "low": "arm_low", "high": ["arm_high"]},
         {"base": "LEG", "low": "LEG_low", "high": ["leg_high.001"]},
@@ -70,25 +72,30 @@ def test_a_dry_run_prints_the_matches_and_bakes_nothing(run, folder, tmp_path):
     assert (matching["low_left_over"], matching["high_left_over"]) == (["y_low"], ["x_high"])
 
 
-@pytest.mark.parametrize("as_folders", [False, True], ids=["groups", "folders"])
-def test_parts_are_baked_from_their_matches(run, folder, tmp_path, as_folders):
-    end = "" if as_folders else ".obj"
-    result = run(
-        folder / f"high{end}", folder / f"low{end}", "--match-by-name", "--maps", "displacement",
-        "--format", "exr",
-    )  # fmt: skip
-    assert result.exit_code == 0, result.output
+HEIGHTS = "--maps displacement --format exr"
+
+
+# Parts are matched by the names of groups or of files; more meshes share an atlas.
+@pytest.mark.parametrize(
+    "line",
+    [
+        "high.obj low.obj --match-by-name",
+        "high low --match-by-name",
+        "low/arm_low.obj --low low/LEG_low.obj --high high",
+    ],
+)
+def test_parts_are_baked_from_their_matches(run, tmp_path, line):
+    run(f"{line} {HEIGHTS}")
     found = heights(tmp_path / "maps" / "displacement.exr")
     np.testing.assert_allclose(found[8:24, 4:12], 0.1, rtol=1e-5)
     np.testing.assert_allclose(found[8:24, 20:28], 0.2, rtol=1e-5)
 
 
-def test_sets_have_files_of_their_own(run, folder, tmp_path):
-    result = run(
-        folder / "high.obj", folder / "low.obj", "--match-by-name", "--texture-sets", "groups",
-        "--maps", "normal,displacement", "--miss-map", tmp_path / "miss.png",
-    )  # fmt: skip
-    assert result.exit_code == 0, result.output
+def test_sets_have_files_of_their_own(run, tmp_path):
+    run(
+        "high.obj low.obj --match-by-name --texture-sets groups --maps normal,displacement "
+        "--miss-map OUT/miss.png"
+    )
     names = sorted(path.name for path in (tmp_path / "maps").iterdir())
     assert names == ["LEG_displacement.png", "LEG_normal.png", "arm_displacement.png",
                      "arm_normal.png"]  # fmt: skip
@@ -98,81 +105,51 @@ def test_sets_have_files_of_their_own(run, folder, tmp_path):
     ]
 
 
-def test_tiles_have_files_of_their_own(run, folder, tmp_path):
-    report = tmp_path / "report.json"
-    result = run(
-        folder / "high.obj", folder / "tiles.obj", "--maps", "displacement", "--format", "exr",
-        "--name-pattern", "{asset}_{map}_{udim}.{ext}", "--report", report,
-    )  # fmt: skip
-    assert result.exit_code == 0, result.output
+def test_tiles_have_files_of_their_own(run, tmp_path):
+    pattern = "{asset}_{map}_{udim}.{ext}"
+    run(f"high.obj tiles.obj {HEIGHTS} --name-pattern {pattern} --report OUT/report.json")
     first, second = (
         heights(tmp_path / "maps" / f"tiles_displacement_{udim}.exr") for udim in (1001, 1002)
     )
     np.testing.assert_allclose(first[8:24, 4:12], 0.1, rtol=1e-5)
     np.testing.assert_allclose(second[8:24, 20:28], 0.2, rtol=1e-5)
-    assert [item["udim"] for item in json.loads(report.read_text())["targets"]] == [1001, 1002]
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert [item["udim"] for item in report["targets"]] == [1001, 1002]
 
 
-def test_one_tile_is_a_plain_bake(run, folder, tmp_path):
+def test_one_tile_is_a_plain_bake(run, tmp_path):
     """A pattern with one tile allows whatever a plain bake allows, such as a page or kept hits."""
-    result = run(
-        folder / "high.obj", folder / "low.obj", "--name-pattern", "{map}_{udim}.{ext}",
-        "--hits", tmp_path / "hits.npz",
-    )  # fmt: skip
-    assert result.exit_code == 0, result.output
+    run("high.obj low.obj --name-pattern {map}_{udim}.{ext} --hits OUT/hits.npz")
     assert (tmp_path / "maps" / "normal_1001.png").is_file()
 
 
-def test_more_meshes_share_an_atlas(run, folder, tmp_path):
-    result = run(
-        folder / "low" / "arm_low.obj", "--low", folder / "low" / "LEG_low.obj",
-        "--high", folder / "high", "--maps", "displacement", "--format", "exr",
-    )  # fmt: skip
-    assert result.exit_code == 0, result.output
-    found = heights(tmp_path / "maps" / "displacement.exr")
-    np.testing.assert_allclose(found[8:24, 4:12], 0.1, rtol=1e-5)
-    np.testing.assert_allclose(found[8:24, 20:28], 0.2, rtol=1e-5)
-
-
-def test_images_skew_and_offset_rays(run, folder, tmp_path):
-    from texbake import write_image
-
-    mask = tmp_path / "mask 1001.png"
-    write_image(np.full((4, 4, 1), 255, np.uint8), mask, color=False)
-    plain = [folder / "high.obj", folder / "tiles.obj", "--name-pattern", "{map}_{udim}.{ext}"]
-    one = run(folder / "high.obj", folder / "low.obj", "--skew-mask", mask, "--offset-map", mask)
-    assert one.exit_code == 0, one.output
-    missing = run(*plain, "--skew-mask", tmp_path / "mask {udim}.png")
-    assert missing.exit_code == 1
-    assert "mask 1002.png" in missing.output
+def test_images_skew_and_offset_rays(run, tmp_path):
+    write_image(np.full((4, 4, 1), 255, np.uint8), tmp_path / "mask_1001.png", color=False)
+    run("high.obj low.obj --skew-mask OUT/mask_1001.png --offset-map OUT/mask_1001.png")
+    missing = run(
+        "high.obj tiles.obj --name-pattern {map}_{udim}.{ext} --skew-mask OUT/mask_{udim}.png", 1
+    )
+    assert "mask_1002.png" in missing.output
     assert not list((tmp_path / "maps").glob("*100*"))
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "message"),
+    ("line", "code", "message"),
     [
-        (["high.obj", "low.obj", "--match-by-name", "--low-suffix", "_lp"], 1, "no low-poly part"),
-        (["high.obj", "low.obj", "--match-by-name", "--hits", "h.npz"], 2, "hits: is for the bake"),
-        (["high.obj", "low.obj", "--match-by-name", "--html", "h.html"], 2, "html: is for the"),
-        (["high.obj", "low.obj", "--texture-sets", "materials"], 1, "no materials"),
-        (
-            ["high.obj", "low.obj", "--texture-sets", "groups", "--name-pattern", "{map}.x.{ext}"],
-            2,
-            "put {set} in it",
-        ),
-        (["low.obj", "--high", "empty"], 1, "no mesh in it"),
-        (["--high", "high.obj"], 2, "LOW: it is missing"),
-        (["high.obj"], 2, "LOW: it is missing"),
-        (["high.obj", "low.obj", "--time-budget", "1s", "--match-by-name"], 2, "time-budget"),
+        ("high.obj low.obj --match-by-name --low-suffix _lp", 1, "no low-poly part"),
+        ("high.obj low.obj --match-by-name --hits h.npz", 2, "hits: is for the bake"),
+        ("high.obj low.obj --match-by-name --html h.html", 2, "html: is for the"),
+        ("high.obj low.obj --texture-sets materials", 1, "no materials"),
+        ("high.obj low.obj --texture-sets groups --name-pattern {map}.x.{ext}", 2, "put {set} in"),
+        ("low.obj --high empty", 1, "no mesh in it"),
+        ("--high high.obj", 2, "LOW: it is missing"),
+        ("high.obj", 2, "LOW: it is missing"),
+        ("high.obj low.obj --time-budget 1s --match-by-name", 2, "time-budget"),
     ],
 )
-def test_impossible_options_are_one_line(run, folder, words, code, message, monkeypatch):
+def test_impossible_options_are_one_line(run, folder, line, code, message):
     (folder / "empty").mkdir(exist_ok=True)
-    monkeypatch.chdir(folder)
-    result = run(*words)
-    assert result.exit_code == code, result.output
-    assert message in result.output
-    assert "Traceback" not in result.output
+    assert message in run(line, code).output
 
 
 def test_an_asset_in_other_units_is_refused(run, tmp_path):
@@ -182,8 +159,7 @@ def test_an_asset_in_other_units_is_refused(run, tmp_path):
             mesh = square(f"{name}_{side}", x, z=1.0, u=u)
             mesh = mesh.replace(positions=scale * mesh.positions)
             write_mesh(mesh, tmp_path / side / f"{mesh.name}.obj")
-    result = run(tmp_path / "high", tmp_path / "low", "--match-by-name")
-    assert result.exit_code == 1
+    result = run("OUT/high OUT/low --match-by-name", 1)
     assert "arm_low.obj and 1 more: The high-poly mesh is 100" in result.stderr
     assert "times as large" in result.stderr
     assert not (tmp_path / "maps").exists()
@@ -192,20 +168,16 @@ def test_an_asset_in_other_units_is_refused(run, tmp_path):
 @pytest.mark.parametrize(
     ("words", "is_matched", "has_warning"),
     [
-        ([], True, False),
-        (["--join-objects"], False, False),
-        (["--hits", "hits.npz"], False, True),
+        ("", True, False),
+        ("--join-objects", False, False),
+        ("--hits OUT/hits.npz", False, True),
     ],
 )
-def test_objects_whose_names_pair_up_are_matched(
-    run, tmp_path, monkeypatch, words, is_matched, has_warning
-):
-    monkeypatch.chdir(tmp_path)
+def test_objects_whose_names_pair_up_are_matched(run, tmp_path, words, is_matched, has_warning):
     high, low = ([square("a", 0, z=z), square("b", 2, z=z, u=0.5)] for z in (0.1, 0.0))
-    write_mesh(join_meshes(high), "high.obj")
-    write_mesh(join_meshes(low), "low.obj")
-    result = run("high.obj", "low.obj", *words)
-    assert result.exit_code == 0, result.output
+    write_mesh(join_meshes(high), tmp_path / "high.obj")
+    write_mesh(join_meshes(low), tmp_path / "low.obj")
+    result = run(f"OUT/high.obj OUT/low.obj {words}")
     own = "2 objects, each baked from the one with the matching name"
     assert (own in result.output) == is_matched
     assert ("have the same names" in result.output) == has_warning
