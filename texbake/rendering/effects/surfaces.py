@@ -41,11 +41,7 @@ from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Displacement
 from texbake.rendering.scene.scene import place_mesh
-from texbake.rendering.scene.textures import (
-    FILTERS_WITH_FOOTPRINT,
-    ImageTexture,
-    ProcedureTexture,
-)
+from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture, ProcedureTexture
 
 
 def place_object(state: RenderState, target: int) -> DrawnObject:
@@ -122,7 +118,10 @@ def _relief(state: RenderState, target: int) -> ObjectRelief:
         texels = np.ascontiguousarray(corners * (image.chain.width, image.chain.height))
         filtered = image.filter in FILTERS_WITH_FOOTPRINT
         if holder.vector and (holder.space or normal_space(holder.texture.image)) == "tangent":
-            frames = _frames_of(mesh.on_uv_set(image.uv_set), linear)
+            # Indexed by the face corners of the placed mesh.
+            chosen, order = mesh.on_uv_set(image.uv_set), corner_order(linear)
+            normals, normal_faces = shading_normals(chosen)
+            frames = normals, normal_faces[:, order], shading_tangents(chosen)[:, order]
     else:
         filtered = state.request.wants_footprint(holder.texture)
     surface = BaseSurface(
@@ -168,14 +167,6 @@ def _load_image(
     kind, name = state.request.filter_of(texture), "displacement.texture"
     image = placed_image(texture, heights, kind="data", filter_name=kind, uvs=uvs, name=name)
     return filtered_image(image, threads=state.threads)
-
-
-def _frames_of(mesh: Mesh, linear: FloatArray) -> Frames:
-    """Normals and tangents in object space, indexed by the face corners of the placed mesh."""
-    normals, corners = shading_normals(mesh)
-    tangents = shading_tangents(mesh)
-    order = corner_order(linear)
-    return normals, corners[:, order], tangents[:, order]
 
 
 def _heights(holder: Displacement, values: FloatArray) -> FloatArray:

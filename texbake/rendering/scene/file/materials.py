@@ -52,11 +52,7 @@ from texbake.rendering.scene.file.values import (
     value_error,
     value_type,
 )
-from texbake.rendering.scene.material import (
-    Material,
-    ProjectedTexture,
-    projector_matrix,
-)
+from texbake.rendering.scene.material import Material, ProjectedTexture, projector_matrix
 from texbake.rendering.scene.textures import (
     SPACES,
     WRAPS,

@@ -9,12 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import (
-    Field,
-    ValidationError,
-    ValidationInfo,
-    create_model,
-)
+from pydantic import Field, ValidationError, ValidationInfo, create_model
 
 from texbake.errors import FileFormatError, OptionError, first_few
 from texbake.files import PathLike
