@@ -29,6 +29,7 @@ _CLEARCOAT = "KHR_materials_clearcoat"
 _TRANSMISSION = "KHR_materials_transmission"
 _SHEEN = "KHR_materials_sheen"
 _SPECULAR = "KHR_materials_specular"
+EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,8 @@ from texbake import __version__
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.channels import FILE_CHANNELS, SLOTS, Slot
+from texbake.mesh.files import gltf_document as gltf
+from texbake.mesh.files.channels import EMISSIVE_STRENGTH, FILE_CHANNELS, SLOTS, Slot
 from texbake.mesh.files.conversion import (
     as_text,
     check_normal_map,
@@ -41,8 +42,6 @@ from texbake.mesh.files.gltf_compression import (
     encode_triangles,
     encode_vertices,
 )
-from texbake.mesh.files.gltf_document import BINARY_CHUNK, COMPONENTS, JSON_CHUNK, MAGIC
-from texbake.mesh.files.gltf_materials import EMISSIVE_STRENGTH, FLIP, LINEAR, NEAREST, WRAPS
 from texbake.mesh.materials import (
     CHANNELS,
     UNPLACED,
@@ -55,9 +54,9 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import FloatArray
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
-_COMPONENTS = {dtype.name: code for code, dtype in COMPONENTS.items()}
+_COMPONENTS = {dtype.name: code for code, dtype in gltf.COMPONENTS.items()}
 _NEAREST_MIPS, _TRILINEAR = 9984, 9987
-_WRAPS = {name: code for code, name in WRAPS.items()}
+_WRAPS = {name: code for code, name in gltf.WRAPS.items()}
 # Images that glTF itself does not name, by the extensions that do.
 _IMAGE_EXTENSIONS = {"image/webp": "EXT_texture_webp", "image/ktx2": "KHR_texture_basisu"}
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -167,9 +166,9 @@ class GltfAsset:
         if n_bytes >= 1 << 32:
             raise FileFormatError(f"{path}: {n_bytes} bytes are more than a GLB holds; simplify it")
         with replacing(path) as temporary, temporary.open("wb") as file:
-            file.write(struct.pack("<4sIIII", MAGIC, 2, n_bytes, len(text), JSON_CHUNK))
+            file.write(struct.pack("<4sIIII", gltf.MAGIC, 2, n_bytes, len(text), gltf.JSON_CHUNK))
             file.write(text)
-            file.write(struct.pack("<II", self._n_bytes, BINARY_CHUNK))
+            file.write(struct.pack("<II", self._n_bytes, gltf.BINARY_CHUNK))
             file.writelines(self._parts)
 
     def use(self, extension: str) -> None:
@@ -255,7 +254,7 @@ class GltfAsset:
             images.append({"bufferView": self._add_view(data), "mimeType": media_type(data)})
         source = self._images[data]
         sampler = {
-            "magFilter": NEAREST if is_nearest else LINEAR,
+            "magFilter": gltf.NEAREST if is_nearest else gltf.LINEAR,
             "minFilter": _NEAREST_MIPS if is_nearest else _TRILINEAR,
             "wrapS": _WRAPS[wraps[0]],
             "wrapT": _WRAPS[wraps[1]],
@@ -383,7 +382,7 @@ def _texture_info(
 def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> dict[str, Any]:
     """KHR_texture_transform object of a matrix for coordinates with v up, after another one."""
     matrix = pm.matmul(
-        pm.matmul(pm.matmul(FLIP, np.array([*placing, (0.0, 0.0, 1.0)])), FLIP), stored
+        pm.matmul(pm.matmul(gltf.FLIP, np.array([*placing, (0.0, 0.0, 1.0)])), gltf.FLIP), stored
     )
     (a, b, x), (c, d, y), _ = matrix.tolist()
     # [a b; c d] = [cos sin; -sin cos] diag(scale)

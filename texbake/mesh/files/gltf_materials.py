@@ -30,9 +30,9 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileError, FileFormatError, quoted, shortened
 from texbake.files import PathLike, read_bytes
 from texbake.limits import file_beside, real_path
-from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
+from texbake.mesh.files.channels import EMISSIVE_STRENGTH, FILE_CHANNELS, FileChannel
 from texbake.mesh.files.gltf import scene_nodes
-from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_document import FLIP, LINEAR, NEAREST, WRAPS, Document, read_document
 from texbake.mesh.files.gltf_primitives import primitive_uvs, triangle_count
 from texbake.mesh.materials import (
     ChannelImage,
@@ -44,11 +44,6 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 
-EMISSIVE_STRENGTH = "KHR_materials_emissive_strength"
-# v down to v up, and back.
-FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
-WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
-NEAREST, LINEAR = 9728, 9729
 _NO_IMAGE = "a texture has no image in a supported format"
 # Material extensions that are read, and their parts that are not.
 _EXTENSIONS = {
