@@ -1,19 +1,16 @@
 """What commands on a pair of meshes write and print."""
 
 import json
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import Result
 
-from texbake import read_image, read_mesh, write_image
+from tests.cli.conftest import Invoke, Run
+from texbake import distortion, read_image, read_mesh, write_image
+from texbake.jobs.light_maps import file_names
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
-
-Invoke = Callable[..., Result]
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.mark.parametrize(
@@ -126,3 +123,63 @@ def test_progress_as_json(workplace: Path, run: Run) -> None:
     finished = [event["stage"] for event in events if event["event"] == "finished"]
     assert started[:2] == ["read low.obj", "read high.ply"]
     assert sorted(started) == sorted(finished)
+
+
+def test_the_figures_of_the_whole_and_of_the_worst(workplace: Path, invoke: Invoke) -> None:
+    found = distortion(read_mesh("low.obj"), 2048)
+    text = invoke("info low.obj --uv --size 2048").stdout
+    assert f"stretch L2                   {found.stretch.l2:.4f}" in text
+    assert "(4 at best)" in text
+    assert f"{found.texel_density:.6g}, varying by" in text
+    lines = [line.split() for line in text.splitlines()]
+    start = next(i for i, line in enumerate(lines) if line[:1] == ["face"])
+    named = [int(line[0]) for line in lines[start + 1 :]]
+    assert named == [face.face for face in found.worst_faces]
+    charts = next(i for i, line in enumerate(lines) if line[:2] == ["chart", "L2"])
+    assert lines[charts + 1][:2] == ["0", f"{found.charts[0].stretch.l2:.4f}"]
+
+
+def test_json_has_everything(workplace: Path, invoke: Invoke) -> None:
+    written = json.loads(invoke("info low.obj --uv --json").stdout)
+    assert written["n_faces"] == 112
+    assert written["distortion"] == distortion(read_mesh("low.obj")).to_json()
+    assert "distortion" not in json.loads(invoke("info low.obj --json").stdout)
+
+
+SCENE = """
+[[lights]]
+kind = "directional"
+direction = [0, 0, -1]
+intensity = 2.0
+shadow = {}
+
+[[objects]]
+name = "the floor"
+mesh = "low.obj"
+material = { shading = "lambert" }
+"""
+
+
+@pytest.fixture
+def scene(workplace: Path) -> Path:
+    (workplace / "room.toml").write_text(SCENE, encoding="utf-8")
+    return workplace
+
+
+def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
+    result = invoke("bake-lightmap room.toml -o maps --size 64 --padding 1")
+    assert "wrote maps/the_floor.exr" in result.output
+    pixels = read_image(scene / "maps" / "the_floor.exr", color=True).pixels
+    assert pixels.shape == (64, 64, 3)
+    # The top of the sphere has all of the light, its lower half none.
+    assert pixels.max() == pytest.approx(2.0, rel=0.05)
+    assert pixels[40:].max() == pytest.approx(0.0, abs=1e-6)
+    invoke("bake-lightmap room.toml -o maps --size 64 --format png --quiet")
+    assert (scene / "maps" / "the_floor.png").is_file()
+
+
+def test_objects_of_one_name_get_files_of_their_own() -> None:
+    names = ["lamp", "Lamp", "lamp_2", "a/b", "..", "", "Stra\u00dfe 1"]
+    files = file_names(names)
+    assert files == ["lamp", "Lamp_2", "lamp_2_2", "a_b", "object", "object_2", "Stra\u00dfe_1"]
+    assert len({name.lower() for name in files}) == len(names)

@@ -1,10 +1,12 @@
-"""Meshes made from a mesh file keep its materials where the output and its coordinates allow."""
+"""Meshes made from a mesh file keep its materials: GLB files whole, OBJ files what .mtl has."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from texbake.errors import FileError
 from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
@@ -15,11 +17,152 @@ from texbake.mesh.materials import (
     read_materials,
 )
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.options import SimplifyOptions
+from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import write_image
+from texbake.texture.material_images import components_of, image_codes
+from texbake.verbs.repair import repair_file
 from texbake.verbs.simplify import simplify_file, simplify_levels
+from texbake.verbs.transform import transform_file
 from texbake.verbs.unwrap import unwrap_files
+
+CODES = np.random.default_rng(3).integers(0, 255, (4, 6, 8, 4), np.uint8)
+
+
+def materials_of(path: Path) -> Materials:
+    found = read_materials(path, read_mesh(path))
+    assert found is not None
+    return found
+
+
+def codes_of(source: ChannelSource) -> np.ndarray:
+    pixels, bits = image_codes(source.image, is_color=False)
+    assert bits == 8
+    return np.rint(255 * components_of(pixels, source.image.components)).astype(int)
+
+
+@pytest.fixture
+def painted(tmp_path: Path) -> Path:
+    """An OBJ file with two materials and an image for each channel, one of them a TGA file."""
+    mesh = uv_sphere(4, 6)
+    write_mesh(mesh, tmp_path / "bare.obj")
+    text = (tmp_path / "bare.obj").read_text()
+    at = text.index("f ")
+    middle = text.index("f ", len(text) - (len(text) - at) // 2)
+    (tmp_path / "ball.obj").write_text(
+        f"mtllib ball.mtl\n{text[:at]}usemtl wood\n{text[at:middle]}usemtl glow\n{text[middle:]}"
+    )
+    for i, name in enumerate(("color.tga", "rough.png", "metal.png")):
+        write_image(CODES[i, ..., : 4 if i == 0 else 3], tmp_path / name)
+    (tmp_path / "ball.mtl").write_text(
+        "newmtl wood\nmap_Kd color.tga\nmap_Pr -clamp on rough.png\nmap_Pm -clamp on metal.png\n"
+        "newmtl glow\nKd 0.5 0.25 0\nKe 2 1 0\nd 0.5\nPr 0.75\n"
+    )
+    return tmp_path / "ball.obj"
+
+
+def test_obj_to_glb_and_back(painted: Path, tmp_path: Path) -> None:
+    done = transform_file(painted, tmp_path / "ball.glb")
+    assert done.warnings == ()
+    wood, glow = materials_of(tmp_path / "ball.glb").materials
+    assert (wood.name, glow.name) == ("wood", "glow")
+    assert wood.channels["base-color"].image.data.startswith(b"\x89PNG")
+    assert wood.channels["roughness"].image.wraps == ("clamp", "clamp")
+    assert wood.channels["roughness"].image.data == wood.channels["metallic"].image.data
+    assert glow.channels["emissive"].factor == (2.0, 1.0, 0.0)
+    assert (glow.alpha_mode, glow.channels["alpha"].factor) == ("blend", (0.5,))
+    back = transform_file(tmp_path / "ball.glb", tmp_path / "back.obj")
+    assert back.warnings == ()
+    assert {path.name for path in back.files} == {
+        "back.obj", "back.mtl", "back_base-color.png", "back_roughness.png", "back_metallic.png",
+    }  # fmt: skip
+    for path in tmp_path / "ball.glb", tmp_path / "back.obj":
+        found, given = materials_of(path), materials_of(painted)
+        np.testing.assert_array_equal(found.face_materials, given.face_materials)
+        for i, channel in enumerate(("base-color", "roughness", "metallic")):
+            source = found.materials[0].channels[channel]
+            width = 3 if i == 0 else 1
+            np.testing.assert_array_equal(codes_of(source), CODES[i, ..., :width])
+    again = {path.name: path.read_bytes() for path in back.files}
+    transform_file(tmp_path / "ball.glb", tmp_path / "back.obj")
+    assert again == {path.name: path.read_bytes() for path in back.files}
+
+
+def test_what_mtl_cannot_say_is_said(tmp_path: Path) -> None:
+    write_image(CODES[0, ..., :3], tmp_path / "a.png")
+    image = ChannelImage(data=(tmp_path / "a.png").read_bytes(), uv_set=1)
+    mesh = uv_sphere(4, 6)
+    channels = {
+        "base-color": ChannelSource((1.0, 0.5, 1.0), replace(image, uv_set=0)),
+        "emissive": ChannelSource((1.0, 1.0, 1.0), image),
+        "clearcoat": ChannelSource((0.5,)),
+        "transmission": ChannelSource((0.0,)),
+    }
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name="a", channels=channels),),
+        uv_sets={1: mesh.uvs},
+    )
+    write_mesh(mesh, tmp_path / "a.glb", materials=materials)
+    (warning,) = transform_file(tmp_path / "a.glb", tmp_path / "a.obj").warnings
+    for words in "factors of images", "clearcoat", "further UV sets":
+        assert words in warning
+    assert "transmission" not in warning
+    assert materials_of(tmp_path / "a.obj").materials[0].channels["emissive"].image is None
+
+
+def test_if_one_file_cannot_be_written_none_is(painted: Path, tmp_path: Path) -> None:
+    transform_file(painted, tmp_path / "ball.glb")
+    (tmp_path / "back.mtl").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(FileError, match=r"back\.mtl"):
+        transform_file(tmp_path / "ball.glb", tmp_path / "back.obj")
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_moved_and_repaired_meshes_keep_materials_with_their_faces(
+    painted: Path, tmp_path: Path
+) -> None:
+    transform_file(painted, tmp_path / "ball.glb")
+    transform_file(
+        tmp_path / "ball.glb", tmp_path / "over.glb", TransformOptions(flip=True, scale=2)
+    )
+    options = RepairOptions(degenerate=False)
+    done = repair_file(tmp_path / "ball.glb", tmp_path / "mended.glb", options)
+    assert done.warnings == ()
+    given = materials_of(painted).face_materials
+    for name in "over.glb", "mended.glb":
+        np.testing.assert_array_equal(materials_of(tmp_path / name).face_materials, given)
+    # The poles of the sphere have faces without area.
+    done = repair_file(tmp_path / "ball.glb", tmp_path / "fewer.glb")
+    assert ("written without materials" in "".join(done.warnings)) == (
+        done.report.n_faces < len(given)
+    )
+
+
+def test_images_need_texture_coordinates(painted: Path, tmp_path: Path) -> None:
+    done = repair_file(
+        painted, tmp_path / "a.glb", RepairOptions(coordinates=False, degenerate=False)
+    )
+    assert "images" in done.warnings[-1]
+    wood, glow = materials_of(tmp_path / "a.glb").materials
+    assert wood.channels["base-color"].image is None
+    assert glow.channels["emissive"].factor == (2.0, 1.0, 0.0)
+
+
+def test_colors_of_vertices_are_kept_where_a_material_has_none(tmp_path: Path) -> None:
+    ball = uv_sphere(4, 6)
+    mesh = Mesh(
+        positions=ball.positions, faces=ball.faces, colors=np.full((ball.n_vertices, 3), 0.5)
+    )
+    write_mesh(mesh, tmp_path / "a.obj")
+    text = (tmp_path / "a.obj").read_text()
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl a\n" + text)
+    for line, has_colors in ("Pr 0.5", True), ("Kd 1 0 0", False):
+        (tmp_path / "a.mtl").write_text(f"newmtl a\n{line}\n")
+        done = transform_file(tmp_path / "a.obj", tmp_path / "a.glb")
+        assert (read_mesh(tmp_path / "a.glb").colors is not None) == has_colors
+        assert ("vertex colors" in "".join(done.warnings)) != has_colors
 
 
 def halves(mesh: Mesh) -> np.ndarray:
@@ -40,13 +183,6 @@ def ball(tmp_path: Path) -> Path:
     return tmp_path / "ball.glb"
 
 
-def found_in(path: Path) -> tuple[Mesh, Materials]:
-    mesh = read_mesh(path)
-    materials = read_materials(path, mesh)
-    assert materials is not None
-    return mesh, materials
-
-
 @pytest.mark.parametrize("quality", ["fast", "best"])
 @pytest.mark.parametrize("suffix", [".glb", ".obj"])
 def test_simplify_keeps_materials(ball: Path, tmp_path: Path, quality: str, suffix: str) -> None:
@@ -54,7 +190,7 @@ def test_simplify_keeps_materials(ball: Path, tmp_path: Path, quality: str, suff
         ball, tmp_path / f"low{suffix}", SimplifyOptions(n_faces=600, quality=quality)
     )
     assert not any("materials" in line for line in done.warnings)
-    low, materials = found_in(tmp_path / f"low{suffix}")
+    low, materials = read_mesh(tmp_path / f"low{suffix}"), materials_of(tmp_path / f"low{suffix}")
     assert low.n_faces <= 600
     names = np.array([materials.names[i] for i in materials.face_materials])
     # No edge is collapsed across the border, which lies at y = 0.
@@ -79,14 +215,14 @@ def test_simplify_says_what_formats_cannot_hold(ball: Path, tmp_path: Path) -> N
 def test_images_go_with_texture_coordinates(ball: Path, tmp_path: Path) -> None:
     done = simplify_file(ball, tmp_path / "low.glb", SimplifyOptions(n_faces=600, seams="drop"))
     assert done.warnings[-1].endswith("images, for which there are no texture coordinates")
-    low, materials = found_in(tmp_path / "low.glb")
+    low, materials = read_mesh(tmp_path / "low.glb"), materials_of(tmp_path / "low.glb")
     assert low.uvs is None
     assert not materials.has_images
     assert materials.names == ("wood", "iron")
 
 
 def test_groups_are_what_they_were(ball: Path) -> None:
-    mesh, materials = found_in(ball)
+    mesh, materials = read_mesh(ball), materials_of(ball)
     groups = np.arange(mesh.n_faces, dtype=np.int32) % 3
     mesh = mesh.replace(face_groups=groups, group_names=("a", "b", "c"))
     source = MeshFileMaterials(path=ball, materials=materials)
@@ -103,7 +239,7 @@ def test_unwrap_names_the_command_that_carries_images_over(ball: Path, tmp_path:
     (line,) = done.warnings
     assert "written without the images of" in line
     assert "texbake lighten" in line
-    _, materials = found_in(tmp_path / "new.glb")
+    materials = materials_of(tmp_path / "new.glb")
     assert not materials.has_images
     assert materials.names == ("wood", "iron")
     assert materials.materials[1].channels["metallic"].factor == (0.75,)

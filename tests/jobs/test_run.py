@@ -12,6 +12,7 @@ from tests.glb import read_glb
 from texbake import (
     FileError,
     Mesh,
+    OptionError,
     RunOptions,
     TexbakeError,
     check,
@@ -288,3 +289,33 @@ def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result: RunResult)
     low = read_mesh(result.files["mesh"])
     assert result.low.normals is None
     np.testing.assert_array_equal(low.normals[low.normal_faces], smooth_normals(low)[low.faces])
+
+
+@pytest.mark.parametrize(
+    ("choices", "expected"),
+    [
+        ({"samples": "adaptive"}, ("adaptive", None, None)),
+        ({"samples": 64}, (64, None, None)),
+        ({"max_error": "1deg"}, (1, "1deg", None)),
+        ({"time_budget": "9s"}, (1, None, "9s")),
+        ({}, (4, None, None)),
+    ],
+)
+def test_samples_are_four_where_no_error_and_no_time_is_given(choices, expected) -> None:  # type: ignore[no-untyped-def]
+    bake = RunOptions(**choices).bake_options()
+    assert (bake.samples, bake.max_error, bake.time_budget) == expected
+    assert bake.is_adaptive == (expected[0] == "adaptive" or expected[1] is not None)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"samples": 4, "max_error": "1deg"}, "leave nothing to choose"),
+        ({"size": 16, "padding": 8}, "padding: 8"),
+        ({"up": "x"}, "up: x"),
+        ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
+    ],
+)
+def test_impossible_options_are_refused_before_the_work(options, message) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(OptionError, match=message):
+        RunOptions(**options)
