@@ -44,7 +44,6 @@ def test_obj_materials_go_by_triangle_and_their_colors_by_name(tmp_path):
         "map_Kd -s 2 2 -clamp on grain fine.png\nKd 0.8 0.8 0.8\nnewmtl unused\n",
     )
     found = read_materials(path, read_mesh(path))
-    assert found is not None
     assert found.names == ("default", "red paint", "wood")
     assert found.face_materials.tolist() == [0, 1, 2, 2]
     bare, red, wood = found.sources("base-color")
@@ -145,7 +144,13 @@ def gltf_with(tmp_path, material, **content):
     return file.write(tmp_path / "a.gltf")
 
 
-IMAGED = {"textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33648}]}
+def with_image(tmp_path, uri="data:image/png;base64,YW4gaW1hZ2U=", **info):
+    """A file whose first material has an image for its base color."""
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **info}}}
+    textures, samplers = [{"source": 0, "sampler": 0}], [{"wrapS": 33648}]
+    return gltf_with(
+        tmp_path, material, images=[{"uri": uri}], textures=textures, samplers=samplers
+    )
 
 
 def test_gltf_materials_go_by_primitive(tmp_path):
@@ -153,7 +158,6 @@ def test_gltf_materials_go_by_primitive(tmp_path):
         tmp_path, {"name": "skin", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]}}
     )
     found = read_materials(path, read_mesh(path))
-    assert found is not None
     assert found.names == ("skin", "material")
     assert found.face_materials.tolist() == [0, 1]
     assert found.sources("base-color") == [
@@ -164,12 +168,7 @@ def test_gltf_materials_go_by_primitive(tmp_path):
 @pytest.mark.parametrize("uri", ["beside me.bin", "data:image/png;base64,YW4gaW1hZ2U="])
 def test_gltf_images_are_read_from_beside_and_from_inside(tmp_path, uri):
     (tmp_path / "beside me.bin").write_bytes(b"an image")
-    path = gltf_with(
-        tmp_path,
-        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}},
-        images=[{"uri": uri.replace(" ", "%20")}],
-        **IMAGED,
-    )
+    path = with_image(tmp_path, uri.replace(" ", "%20"))
     image = read_materials(path, read_mesh(path)).sources("base-color")[0].image
     assert (image.data, image.placing) == (b"an image", UNPLACED)
     assert image.wraps == ("mirror", "repeat")
@@ -177,8 +176,7 @@ def test_gltf_images_are_read_from_beside_and_from_inside(tmp_path, uri):
 
 @pytest.mark.parametrize("data", ["YQ", "\u00e9"])
 def test_embedded_data_that_is_not_base64_is_one_clear_line(tmp_path, data):
-    imaged = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
-    path = gltf_with(tmp_path, imaged, images=[{"uri": f"data:image/png;base64,{data}"}], **IMAGED)
+    path = with_image(tmp_path, f"data:image/png;base64,{data}")
     with pytest.raises(FileFormatError, match="not base64"):
         read_materials(path, read_mesh(path))
     path = gltf_with(tmp_path, {}, buffers=[{"uri": f"data:;base64,{data}", "byteLength": 36}])
@@ -188,12 +186,7 @@ def test_embedded_data_that_is_not_base64_is_one_clear_line(tmp_path, data):
 
 def test_a_moved_gltf_texture_is_turned_for_v_up(tmp_path):
     moved = {"KHR_texture_transform": {"offset": [0.25, 0.5], "scale": [2, 4]}}
-    path = gltf_with(
-        tmp_path,
-        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "extensions": moved}}},
-        images=[{"uri": "data:image/png;base64,YW4gaW1hZ2U="}],
-        **IMAGED,
-    )
+    path = with_image(tmp_path, extensions=moved)
     image = read_materials(path, read_mesh(path)).sources("base-color")[0].image
     placing = np.array(image.placing)
     for u, v in ((0.0, 0.0), (0.3, 0.9), (1.0, 1.0)):
@@ -202,12 +195,7 @@ def test_a_moved_gltf_texture_is_turned_for_v_up(tmp_path):
 
 
 def test_an_image_on_coordinates_that_are_not_there_is_noted(tmp_path):
-    path = gltf_with(
-        tmp_path,
-        {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, "texCoord": 1}}},
-        images=[{"uri": "data:image/png;base64,YW4gaW1hZ2U="}],
-        **IMAGED,
-    )
+    path = with_image(tmp_path, texCoord=1)
     found = read_materials(path, read_mesh(path))
     assert found.sources("base-color")[0].image is None
     assert "TEXCOORD_1" in found.notes()[0]
