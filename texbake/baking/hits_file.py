@@ -234,34 +234,30 @@ def _unpack_materials(header: dict[str, Any], arrays: Arrays) -> Materials | Non
 
 
 def _unpack_source(channel: str, stored: list[Any], arrays: Arrays) -> ChannelSource:
-    factor, image, offset = stored
+    factor, of_image, offset = stored
     width = len(CHANNELS[channel].default)
-    source = ChannelSource(tuple(factor), _unpack_image(image, arrays), offset)
     if len(factor) != width or not np.isfinite([*factor, offset]).all():
         raise ValueError("a factor has another shape")
-    if source.image is not None and len(source.image.components) != width:
-        raise ValueError("an image has other components")
-    return source
-
-
-def _unpack_image(stored: dict[str, Any] | None, arrays: Arrays) -> ChannelImage | None:
-    if stored is None:
-        return None
-    (first, second), number = stored["placing"], stored["uv_set"]
+    if of_image is None:
+        return ChannelSource(tuple(factor), None, offset)
+    components, wraps, placing = (of_image[name] for name in ("components", "wraps", "placing"))
+    number = of_image["uv_set"]
     if number != 0 and f"uv_set_{number}" not in arrays:
         raise ValueError("an image lies on texture coordinates that are not there")
-    if not set(stored["components"]) <= {0, 1, 2, 3} or not set(stored["wraps"]) <= set(WRAPS):
-        raise ValueError("an image has unknown components or wrapping")
-    if np.shape(stored["placing"]) != (2, 3) or not np.isfinite(stored["placing"]).all():
+    if len(components) != width or not set(components) <= {0, 1, 2, 3}:
+        raise ValueError("an image has other components")
+    if not set(wraps) <= set(WRAPS):
+        raise ValueError("an image has unknown wrapping")
+    if np.shape(placing) != (2, 3) or not np.isfinite(placing).all():
         raise ValueError("an image has no place")
     image = {
-        **stored,
-        "data": arrays[f"image_{stored['data']}"].tobytes(),
-        "components": tuple(stored["components"]),
-        "wraps": tuple(stored["wraps"]),
-        "placing": (tuple(first), tuple(second)),
+        **of_image,
+        "data": arrays[f"image_{of_image['data']}"].tobytes(),
+        "components": tuple(components),
+        "wraps": tuple(wraps),
+        "placing": tuple(map(tuple, placing)),
     }
-    return ChannelImage(**image)
+    return ChannelSource(tuple(factor), ChannelImage(**image), offset)
 
 
 def _check(hits: Hits, arrays: Arrays, high: Mesh, low: Mesh, shape: tuple[int, int]) -> None:

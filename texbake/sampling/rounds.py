@@ -43,28 +43,23 @@ class BudgetClock:
 
     @classmethod
     def of_process(cls, warn: Callable[[str], None] | None = None) -> BudgetClock:
-        """Return the clock that began with this process."""
-        return cls(start=_process_start(), warn=warn)
+        """Return the clock that began with this process.
+
+        If the system does not report it, the processor time stands for the age of the process.
+        """
+        try:
+            # The 22nd field, in ticks since the machine began; the second may hold spaces.
+            fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace")
+            ticks = int(fields.rpartition(")")[2].split()[19])
+            age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+        except (OSError, AttributeError, IndexError, ValueError):
+            age = time.process_time()
+        return cls(start=time.perf_counter() - age, warn=warn)
 
     @property
     def spent(self) -> float:
         """Seconds since it began."""
         return self.now() - self.start
-
-
-def _process_start() -> float:
-    """Return `time.perf_counter` as it was when this process began.
-
-    If the system does not report it, the processor time stands for the age of the process.
-    """
-    try:
-        # The 22nd field, in ticks since the machine began; the second may hold spaces.
-        fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace")
-        ticks = int(fields.rpartition(")")[2].split()[19])
-        age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
-    except (OSError, AttributeError, IndexError, ValueError):
-        age = time.process_time()
-    return time.perf_counter() - age
 
 
 @dataclass(frozen=True)

@@ -72,6 +72,9 @@ def test_scaling_the_mesh_changes_nothing_by_default() -> None:
     one, two = bake_solid(mesh, options), bake_solid(large, options)
     np.testing.assert_array_equal(one.values, two.values)
     assert one.report.scale == (1.0, 1.0, 1.0)
+    np.testing.assert_array_equal(
+        one.values, bake_solid(mesh, dataclasses.replace(options, scale=1.0)).values
+    )
     assert two.report.scale == (2.0**-10,) * 3
 
 
