@@ -86,3 +86,14 @@ def meshoptimizer() -> ModuleType:
         exc_type=ImportError,
     )
     return library
+
+
+@pytest.fixture
+def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw the pictures of comparisons and pages at a small size, in this process."""
+    for name in (
+        "jobs.options._PICTURE_SIZE",
+        "rendering.compare_models._PICTURE_PX",
+        "pages.asset_page._PICTURE_PX",
+    ):
+        monkeypatch.setattr(f"texbake.{name}", 64)

@@ -32,11 +32,6 @@ N_TRIANGLES = 4000
 READS_SIZE = {"bench", "cubemap", "info", "pack-textures"}  # without it, that of the input
 NEVER_ENDS = {"watch"}
 MEASURES = {"bench", "study"}
-PICTURE_SIDES = (
-    "jobs.options._PICTURE_SIZE",
-    "rendering.compare_models._PICTURE_PX",
-    "pages.asset_page._PICTURE_PX",
-)
 RUN_BY_GOLDENS = "samples/pipeline.toml"
 
 SCENE = """
@@ -150,17 +145,10 @@ def needed_by(later: list[list[str]], words: list[str]) -> bool:
 RAN: set[tuple[str, ...]] = set()  # kinds of lines, on any page
 
 
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Small pictures for comparisons and pages, and builds in this process."""
-    for name in PICTURE_SIDES:
-        monkeypatch.setattr(f"texbake.{name}", 64)
-    monkeypatch.setattr("texbake.building.build.LocalWorkers", lambda *_: Inline())
-
-
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=name_of)
-def test_every_command_runs(page, world, tmp_path, monkeypatch, small):
+def test_every_command_runs(page, world, tmp_path, monkeypatch, small_pictures):
     """But those that differ only in numbers and files from one that has run are only parsed."""
+    monkeypatch.setattr("texbake.building.build.LocalWorkers", lambda *_: Inline())
     folder = tmp_path / "reader"
     shutil.copytree(world, folder, copy_function=os.link)
     monkeypatch.chdir(folder)

@@ -12,7 +12,6 @@ import pytest
 from catalog.case import Case
 from catalog.geometry import GEOMETRY
 from catalog.texture_space import TEXTURE_SPACE, in_cells
-from commands import PLAIN, TEXTURED
 from invariance import (
     CHANGES,
     CORNERS,
@@ -31,6 +30,7 @@ from invariance import (
     outcome,
     sides,
 )
+from results_of_commands import PLAIN, TEXTURED
 
 import texbake
 from texbake import Mesh
@@ -187,12 +187,6 @@ def test_what_is_undecided_is_named_by_meshes_and_kinds_that_there_are():
         assert item.meshes <= names and set(item.kinds) <= set(KINDS) and item.reason
     assert {name for name, _, _ in ONCE_FAILED} <= COMMANDS.keys()
     assert {mesh for _, mesh, _ in ONCE_FAILED} <= names
-
-
-@pytest.fixture
-def small_pictures(monkeypatch):
-    for name in "jobs.options._PICTURE_SIZE", "rendering.compare_models._PICTURE_PX":
-        monkeypatch.setattr(f"texbake.{name}", 32)
 
 
 @pytest.mark.parametrize("name", ["2^50", "by 2^10 sizes"])
