@@ -79,7 +79,9 @@ def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAU
         sides = face_normals(mesh)
         is_hard = exceed_angle(sides[one // 3], sides[other // 3], angle)
     else:
-        is_hard = _uvs_split(mesh, one, other)
+        ids = weld_rows(mesh.corner_uvs().reshape(-1, 2))
+        is_hard = ids[one] != ids[next_half_edges(other)]
+        is_hard |= ids[next_half_edges(one)] != ids[other]
     return hardened(mesh, one, other, is_hard)
 
 
@@ -203,14 +205,6 @@ def normals_jump(mesh: Mesh, one: HalfEdges, other: HalfEdges) -> BoolArray:
         angles = angles_between(mesh.normals[a[differ]], mesh.normals[b[differ]])
         jumps[differ] |= angles > NORMAL_ROUNDING
     return jumps
-
-
-def _uvs_split(mesh: Mesh, one: HalfEdges, other: HalfEdges) -> BoolArray:
-    """(E,) bool: edges whose faces have different texture coordinates at either end."""
-    ids = weld_rows(mesh.corner_uvs().reshape(-1, 2))
-    return np.asarray(
-        (ids[one] != ids[next_half_edges(other)]) | (ids[next_half_edges(one)] != ids[other])
-    )
 
 
 # Neighboring facets at a smaller angle, whose cosine this is, are too fine to be meant as flat.

@@ -129,17 +129,10 @@ def _fill_missing(
     without_fan = ~has_fan[missing]
     along_x = np.abs(around[:, 0]) > _PARALLEL
     signs[missing] = np.where(without_fan & along_x, 1.0, signs[missing])
-    tangents[missing] = np.where(
-        (without_fan & ~along_x)[:, None], [1.0, 0.0, 0.0], _perpendicular(around)
-    )
-
-
-def _perpendicular(normals: FloatArray) -> FloatArray:
-    """A unit vector perpendicular to each normal; the x axis for a zero one."""
-    axes = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    across = np.cross(axes, normals)
-    lengths = pm.norm(across, axis=1, keepdims=True)
-    return np.where(lengths > 0.0, across / np.where(lengths > 0.0, lengths, 1.0), [1.0, 0.0, 0.0])
+    across = np.cross(np.eye(3)[np.abs(around).argmin(axis=1)], around)
+    lengths = pm.norm(across, axis=1, keepdims=True)  # 0 for a zero normal
+    is_x = (without_fan & ~along_x)[:, None] | (lengths == 0.0)
+    tangents[missing] = np.where(is_x, [1.0, 0.0, 0.0], across / np.where(is_x, 1.0, lengths))
 
 
 AnyArray = npt.NDArray[Any]
