@@ -183,8 +183,10 @@ def test_a_mesh_baked_onto_itself_needs_no_map() -> None:
 
 def test_maps_that_show_something_are_not_told() -> None:
     assert sentences(orange(20_000), "normal", "displacement", "ao") == {}
-    # Normals of an object are not those of a material.
-    assert sentences(BALL, "normal", space="object") == {}
+    # Normals of an object are not those of a material, even where they are all the same.
+    flat = bake(plane(), plane(), BakeOptions(size=16, space="object")).maps
+    assert list(redundant_maps(flat, 2.0)) == []
+    assert list(sentences(BALL, "displacement", space="object")) == ["displacement"]
 
 
 def test_one_value_everywhere_is_a_factor() -> None:
