@@ -4,11 +4,8 @@ import gc
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -34,7 +31,7 @@ sys.path[:0] = [str(Path(__file__).parent / room) for room in (".", "rendering")
 _FIRST = ("study", "docs", "goldens", "pages", "samples", "building", "cli")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(items):
     """Put long ones first, and mark those that need a library that PyPI has no wheel of."""
     for item in items:
         if "meshoptimizer" in getattr(item, "fixturenames", ()):
@@ -44,19 +41,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: order.get(item.path.relative_to(rooms).parts[0], len(order)))
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """Keep the garbage collector away from the many thousand tests: a study calls it each run."""
     gc.collect()
     gc.freeze()
 
 
-def pytest_unconfigure() -> None:
+def pytest_unconfigure():
     """Let libraries find at the end that all of their objects are gone."""
     gc.unfreeze()
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_terminal_summary(terminalreporter: Any) -> Iterator[None]:
+def pytest_terminal_summary(terminalreporter):
     """Count skipped tests by their reason, just before the last line."""
     result = yield
     skipped = terminalreporter.stats.get("skipped", ())
@@ -67,7 +64,7 @@ def pytest_terminal_summary(terminalreporter: Any) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def data_dir() -> Path:
+def data_dir():
     """Folder of the real meshes, for figures of certain files; without it, the test is skipped."""
     if not HAS_REAL:
         pytest.skip("needs certain real files; name their folder in TEXBAKE_DATA")
@@ -75,21 +72,20 @@ def data_dir() -> Path:
 
 
 @pytest.fixture(scope="session")
-def meshoptimizer() -> ModuleType:
+def meshoptimizer():
     """The library that codes views of glTF files; the test is skipped where it is not installed.
 
     PyPI has no wheels of it, so that it takes a compiler, and the extra `test` goes without it.
     """
-    library: ModuleType = pytest.importorskip(
+    return pytest.importorskip(
         "meshoptimizer",
         reason="meshoptimizer is not installed: pip install 'texbake[meshoptimizer]'",
         exc_type=ImportError,
     )
-    return library
 
 
 @pytest.fixture
-def small_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+def small_pictures(monkeypatch):
     """Draw the pictures of comparisons and pages at a small size, in this process."""
     for name in (
         "jobs.options._PICTURE_SIZE",

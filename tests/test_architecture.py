@@ -4,7 +4,6 @@ import ast
 import re
 import sys
 import tomllib
-from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -25,7 +24,7 @@ MAX_MODULE_LINES = 400
 MAX_BODY_LINES = 60
 
 
-def name_of(path: Path) -> str:
+def name_of(path):
     """Name of a module as an import statement has it."""
     parts = list(path.relative_to(ROOT).with_suffix("").parts)
     if parts[0] == "cli":
@@ -36,17 +35,17 @@ def name_of(path: Path) -> str:
 
 
 @cache
-def modules() -> dict[str, Path]:
+def modules():
     paths = [*ROOT.glob("texbake/**/*.py"), *ROOT.glob("cli/**/*.py")]
     return {name_of(path): path for path in sorted(paths)}
 
 
 @cache
-def tree_of(module: str) -> ast.Module:
+def tree_of(module):
     return ast.parse(modules()[module].read_text(encoding="utf-8"))
 
 
-def for_type_checkers(tree: ast.Module) -> set[ast.AST]:
+def for_type_checkers(tree):
     """Every node below an `if TYPE_CHECKING:`."""
     return {
         below
@@ -57,7 +56,7 @@ def for_type_checkers(tree: ast.Module) -> set[ast.AST]:
     }
 
 
-def imports_of(module: str, *, when_run: bool = False) -> Iterator[str]:
+def imports_of(module, *, when_run=False):
     """Full names of what a module imports; `when_run` leaves out what only type checkers see."""
     tree = tree_of(module)
     skipped = for_type_checkers(tree) if when_run else set()
@@ -79,17 +78,17 @@ def imports_of(module: str, *, when_run: bool = False) -> Iterator[str]:
                 yield full if full in modules() else base
 
 
-def room_of(module: str) -> str:
+def room_of(module):
     parts = module.split(".")
     is_package = modules()[module].name == "__init__.py"
     return parts[1] if is_package or len(parts) > 2 else ""
 
 
-def in_texbake(module: str) -> bool:
+def in_texbake(module):
     return module.split(".")[0] == "texbake"
 
 
-def test_the_reader_of_imports_sees_them_all() -> None:
+def test_the_reader_of_imports_sees_them_all():
     # What the other tests stand on: an import at the top, in a function, and a relative one.
     assert "texbake.errors" in imports_of("texbake.files")
     assert "resource" in imports_of("texbake.progress")
@@ -98,12 +97,12 @@ def test_the_reader_of_imports_sees_them_all() -> None:
     assert "numpy" not in set(imports_of("texbake.rendering.scene.lights", when_run=True))
 
 
-def test_every_module_stands_in_a_known_room() -> None:
+def test_every_module_stands_in_a_known_room():
     found = {room_of(module) for module in modules() if module.startswith("texbake.")}
     assert found <= set(ROOMS)
 
 
-def test_a_room_imports_only_from_rooms_above_it() -> None:
+def test_a_room_imports_only_from_rooms_above_it():
     wrong = []
     for module in filter(in_texbake, modules()):
         if module == "texbake":
@@ -119,7 +118,7 @@ def test_a_room_imports_only_from_rooms_above_it() -> None:
     assert not wrong
 
 
-def test_texbake_does_not_know_the_command_line() -> None:
+def test_texbake_does_not_know_the_command_line():
     wrong = [
         f"{module} imports {imported}"
         for module in filter(in_texbake, modules())
@@ -129,7 +128,7 @@ def test_texbake_does_not_know_the_command_line() -> None:
     assert not wrong
 
 
-def test_the_command_line_imports_only_texbake_and_libraries_of_the_terminal() -> None:
+def test_the_command_line_imports_only_texbake_and_libraries_of_the_terminal():
     allowed = {"click", "rich", "texbake", "texbake_cli"} | sys.stdlib_module_names
     wrong = [
         f"{module} imports {imported}"
@@ -141,7 +140,7 @@ def test_the_command_line_imports_only_texbake_and_libraries_of_the_terminal() -
     assert not wrong
 
 
-def test_machine_code_comes_from_the_core_alone() -> None:
+def test_machine_code_comes_from_the_core_alone():
     compilers = {"numba", "llvmlite", "cffi", "Cython", "taichi"}
     users = {
         module
@@ -152,12 +151,12 @@ def test_machine_code_comes_from_the_core_alone() -> None:
     assert users == set()
 
 
-def test_no_module_imports_itself_by_a_detour() -> None:
+def test_no_module_imports_itself_by_a_detour():
     graph = {
         module: {name for name in imports_of(module, when_run=True) if name in modules()} - {module}
         for module in modules()
     }
-    circle: list[str] = []
+    circle = []
     try:
         tuple(TopologicalSorter(graph).static_order())
     except CycleError as error:
@@ -165,7 +164,7 @@ def test_no_module_imports_itself_by_a_detour() -> None:
     assert circle == []
 
 
-def test_every_module_reads_in_one_sitting() -> None:
+def test_every_module_reads_in_one_sitting():
     lengths = {
         module: len(path.read_text(encoding="utf-8").splitlines())
         for module, path in modules().items()
@@ -173,13 +172,13 @@ def test_every_module_reads_in_one_sitting() -> None:
     assert {m: n for m, n in lengths.items() if n > MAX_MODULE_LINES} == {}
 
 
-def functions_of(tree: ast.Module) -> Iterator[ast.FunctionDef | ast.AsyncFunctionDef]:
+def functions_of(tree):
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             yield node
 
 
-def test_every_function_fits_on_one_screen() -> None:
+def test_every_function_fits_on_one_screen():
     too_long = []
     for module in modules():
         for function in functions_of(tree_of(module)):
@@ -190,7 +189,7 @@ def test_every_function_fits_on_one_screen() -> None:
     assert not too_long
 
 
-def public_definitions(module: str) -> Iterator[tuple[str, ast.AST]]:
+def public_definitions(module):
     """Public functions and classes of a module, and the public methods of those classes."""
     for node in tree_of(module).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
@@ -200,7 +199,7 @@ def public_definitions(module: str) -> Iterator[tuple[str, ast.AST]]:
                     yield f"{node.name}.{member.name}", member
 
 
-def test_everything_public_has_a_docstring() -> None:
+def test_everything_public_has_a_docstring():
     silent = [module for module in modules() if not ast.get_docstring(tree_of(module))]
     for module in modules():
         for name, node in public_definitions(module):
@@ -210,7 +209,7 @@ def test_everything_public_has_a_docstring() -> None:
     assert not silent
 
 
-def test_every_package_is_installed() -> None:
+def test_every_package_is_installed():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     packages = {module for module, path in modules().items() if path.name == "__init__.py"}
     assert set(project["tool"]["setuptools"]["packages"]) == packages
@@ -218,7 +217,7 @@ def test_every_package_is_installed() -> None:
     assert {module.rpartition(".")[0] for module in modules()} - {""} <= packages
 
 
-def test_tests_start_the_installed_package() -> None:
+def test_tests_start_the_installed_package():
     """Without `-P`, Python takes the sources in the current folder, which may have no core."""
     starts = re.compile(r"\[\s*sys\.executable,\s*\"-[cm]\"")
     assert [
@@ -241,7 +240,7 @@ _OF_NUMPY = (
 _OF_C = r"(?:sin|cos|tan|exp2?|log(?:2|10|1p)?|pow|a?(?:sin|cos|tan)h?|atan2|hypot|cbrt|fma)f?"
 
 
-def unportable(node: ast.AST) -> bool:
+def unportable(node):
     """Whether an expression may give different bits on another processor."""
     if isinstance(node, ast.BinOp):
         if isinstance(node.op, ast.MatMult):
@@ -258,11 +257,11 @@ def unportable(node: ast.AST) -> bool:
 
 
 @pytest.mark.parametrize("source", ["np.sin(x)", "a @ b", "x**0.4", "math.log(2)", "x.argsort()"])
-def test_unportable_expressions_are_found(source: str) -> None:
+def test_unportable_expressions_are_found(source):
     assert any(map(unportable, ast.walk(ast.parse(source))))
 
 
-def test_packages_use_only_portable_functions() -> None:
+def test_packages_use_only_portable_functions():
     found = [
         f"{module}:{node.lineno}: {ast.unparse(node)}"
         for module in modules()

@@ -4,7 +4,6 @@ import errno
 import os
 import signal
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,7 +27,7 @@ from texbake.files import (
 )
 
 
-def test_a_folder_is_made_with_those_it_is_in(tmp_path: Path) -> None:
+def test_a_folder_is_made_with_those_it_is_in(tmp_path):
     deep = tmp_path / "a" / "b"
     check_folder(deep)
     assert not (tmp_path / "a").exists()  # looking makes nothing
@@ -37,7 +36,7 @@ def test_a_folder_is_made_with_those_it_is_in(tmp_path: Path) -> None:
     assert make_folder(deep) == deep  # it may be there
 
 
-def test_a_file_is_no_folder(tmp_path: Path) -> None:
+def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "file").touch()
     for folder in tmp_path / "file", tmp_path / "file" / "below":
         with pytest.raises(FileError, match="is a file"):
@@ -46,13 +45,13 @@ def test_a_file_is_no_folder(tmp_path: Path) -> None:
             make_folder(folder)
 
 
-def test_a_folder_must_be_open_to_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_must_be_open_to_writing(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # an answer that root never gets
     with pytest.raises(FileError, match="cannot be written to"):
         check_folder(tmp_path / "a")
 
 
-def test_a_file_appears_whole(tmp_path: Path) -> None:
+def test_a_file_appears_whole(tmp_path):
     target = tmp_path / "map.png"
     with replacing(target) as temporary:
         temporary.write_bytes(b"whole")
@@ -63,11 +62,11 @@ def test_a_file_appears_whole(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["map.png"]
 
 
-def test_a_full_disk_is_one_clear_error(tmp_path: Path) -> None:
+def test_a_full_disk_is_one_clear_error(tmp_path):
     target = tmp_path / "map.png"
     target.write_bytes(b"before")
 
-    def fill_the_disk() -> None:
+    def fill_the_disk():
         with replacing(target):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -76,7 +75,7 @@ def test_a_full_disk_is_one_clear_error(tmp_path: Path) -> None:
     assert target.read_bytes() == b"before"
 
 
-def test_permissions_and_links_stay(tmp_path: Path) -> None:
+def test_permissions_and_links_stay(tmp_path):
     target, link = tmp_path / "real.png", tmp_path / "link.png"
     target.touch(mode=0o600)
     link.symlink_to(target)
@@ -90,16 +89,14 @@ def test_permissions_and_links_stay(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "why"), [("", "it is a folder"), ("no/a.png", "there is no folder")]
 )
-def test_a_folder_that_cannot_be_written_is_refused_before_the_work(
-    tmp_path: Path, name: str, why: str
-) -> None:
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, name, why):
     for look in (check_writable, lambda path: replacing(path).__enter__()):
         with pytest.raises(FileError, match=why):
             look(tmp_path / name)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
+def test_a_pipe_or_a_device_is_not_replaced(tmp_path):
     pipe, link = tmp_path / "pipe.png", tmp_path / "link.png"
     os.mkfifo(pipe)
     link.symlink_to(pipe)
@@ -112,7 +109,7 @@ def test_a_pipe_or_a_device_is_not_replaced(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [link, pipe]
 
 
-def test_links_in_a_circle_are_reported(tmp_path: Path) -> None:
+def test_links_in_a_circle_are_reported(tmp_path):
     link = tmp_path / "a.png"
     link.symlink_to(link)
     with pytest.raises(FileError, match="its links form a circle"):
@@ -120,7 +117,7 @@ def test_links_in_a_circle_are_reported(tmp_path: Path) -> None:
     assert link.is_symlink()
 
 
-def test_files_appear_together(tmp_path: Path) -> None:
+def test_files_appear_together(tmp_path):
     old, new = tmp_path / "old.txt", tmp_path / "new.txt"
     old.write_text("before")
     with appearing_together():
@@ -135,9 +132,7 @@ def test_files_appear_together(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stop", [ValueError, KeyboardInterrupt, SystemExit])
-def test_an_interrupted_set_leaves_nothing_and_loses_nothing(
-    tmp_path: Path, stop: type[BaseException]
-) -> None:
+def test_an_interrupted_set_leaves_nothing_and_loses_nothing(tmp_path, stop):
     write_files(tmp_path, {"a": b"before", "b": b"before"})
     with pytest.raises(stop), appearing_together():
         write_files(tmp_path, {"a": b"after", "b": b"after", "c": b"after"})
@@ -151,7 +146,7 @@ def test_an_interrupted_set_leaves_nothing_and_loses_nothing(
     }
 
 
-def test_files_in_scratch_folders_wait_for_no_others(tmp_path: Path) -> None:
+def test_files_in_scratch_folders_wait_for_no_others(tmp_path):
     with appearing_together(), scratch_folder() as folder:
         write_files(folder, {"a": b"there"})
         assert (folder / "a").read_bytes() == b"there"
@@ -164,7 +159,7 @@ def test_files_in_scratch_folders_wait_for_no_others(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers on this system")
-def test_a_signal_does_not_part_a_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_signal_does_not_part_a_set(tmp_path, monkeypatch):
     # So that most time is moving.
     monkeypatch.setattr("texbake.files._write_to_disk", lambda path: None)
     names = [f"{number}" for number in range(40)]
@@ -189,16 +184,14 @@ def test_a_signal_does_not_part_a_set(tmp_path: Path, monkeypatch: pytest.Monkey
     assert b"after" in outcomes
 
 
-def test_content_is_on_the_disk_before_a_file_takes_its_name(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    synchronized: list[Path] = []
-    moved: list[Path] = []
+def test_content_is_on_the_disk_before_a_file_takes_its_name(tmp_path, monkeypatch):
+    synchronized = []
+    moved = []
 
-    def fsync(descriptor: int) -> None:
+    def fsync(descriptor):
         synchronized.append(Path(f"/proc/self/fd/{descriptor}").readlink())
 
-    def move(source: str, target: str) -> None:
+    def move(source, target):
         assert Path(source) in synchronized
         moved.append(Path(target))
         rename(source, target)
@@ -214,12 +207,12 @@ def test_content_is_on_the_disk_before_a_file_takes_its_name(
     assert [path.name for path in moved] == ["a", "b", "c"]
 
 
-def test_a_removal_waits_for_the_files_it_belongs_to(tmp_path: Path) -> None:
+def test_a_removal_waits_for_the_files_it_belongs_to(tmp_path):
     target, companion = tmp_path / "rock.obj", tmp_path / "rock.uvs.npz"
     target.write_bytes(b"before")
     companion.write_bytes(b"before")
 
-    def write(stop: bool) -> None:
+    def write(stop):
         with appearing_together():
             with replacing(target) as temporary:
                 temporary.write_bytes(b"after")
@@ -238,7 +231,7 @@ def test_a_removal_waits_for_the_files_it_belongs_to(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_file_written_after_its_removal_stays(tmp_path: Path) -> None:
+def test_a_file_written_after_its_removal_stays(tmp_path):
     target = tmp_path / "rock.uvs.npz"
     with appearing_together():
         for content in b"first", b"second":
@@ -254,9 +247,7 @@ def test_a_file_written_after_its_removal_stays(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "look", [check_folder, check_name, check_writable, make_folder, remove_file, require_file]
 )
-def test_a_name_that_no_file_can_have_is_one_line(
-    name: str, look: Callable[[Path], object], tmp_path: Path
-) -> None:
+def test_a_name_that_no_file_can_have_is_one_line(name, look, tmp_path):
     with pytest.raises(FileError) as refused:
         look(tmp_path / name)
     assert "\n" not in str(refused.value)

@@ -41,7 +41,7 @@ from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.image import decode_image, image_shape, read_header, read_image, write_image
 
 
-def large_png() -> bytes:
+def large_png():
     """A PNG file that says that it is large, and has no pixels that could be read."""
     chunks = [
         (b"IHDR", struct.pack(">IIBBBBB", 20_000, 20_000, 8, 0, 0, 0, 0)),
@@ -58,7 +58,7 @@ def large_png() -> bytes:
 def gltf(tmp_path):
     """Write a triangle with a texture as a glTF file that names its buffer and its image."""
 
-    def write(buffer: str, image: str):
+    def write(buffer, image):
         folder = tmp_path / "asset"
         folder.mkdir()
         corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]

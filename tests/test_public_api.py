@@ -28,7 +28,7 @@ HEAVY = {
 }
 
 
-def modules_after(statement: str) -> set[str]:
+def modules_after(statement):
     """Top-level names of the modules that a fresh process has loaded after a statement."""
     code = f"{statement}\nimport sys\nprint(*sys.modules)"
     done = subprocess.run(
@@ -37,26 +37,26 @@ def modules_after(statement: str) -> set[str]:
     return {name.split(".")[0] for name in done.stdout.splitlines()[-1].split()}
 
 
-def test_names_resolve() -> None:
+def test_names_resolve():
     assert [name for name in texbake.__all__ if getattr(texbake, name) is None] == []
 
 
-def test_no_public_name_is_the_name_of_a_room() -> None:
+def test_no_public_name_is_the_name_of_a_room():
     # The import system would put the subpackage in the function's place.
     rooms = {path.parent.name for path in Path(texbake.__file__).parent.glob("*/__init__.py")}
     assert not rooms & set(texbake.__all__)
 
 
-def test_dir_lists_the_public_names() -> None:
+def test_dir_lists_the_public_names():
     assert dir(texbake) == sorted(texbake.__all__)
 
 
-def test_unknown_name_is_an_attribute_error() -> None:
+def test_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no_such_name"):
         texbake.no_such_name  # noqa: B018
 
 
-def test_errors_form_one_tree() -> None:
+def test_errors_form_one_tree():
     errors = [
         value
         for value in vars(texbake.errors).values()
@@ -68,16 +68,16 @@ def test_errors_form_one_tree() -> None:
     assert all(issubclass(error, TexbakeError) for error in errors)
 
 
-def test_import_loads_nothing_heavy() -> None:
+def test_import_loads_nothing_heavy():
     assert not modules_after("import texbake") & HEAVY
 
 
-def test_options_load_nothing_heavy() -> None:
+def test_options_load_nothing_heavy():
     loaded = modules_after("from texbake import BakeOptions, RenderOptions, RunOptions")
     assert not loaded & HEAVY
 
 
-def test_every_help_page_loads_nothing_heavy() -> None:
+def test_every_help_page_loads_nothing_heavy():
     statement = (
         "from click.testing import CliRunner\n"
         "from texbake_cli.lazy import COMMANDS\n"
@@ -89,7 +89,7 @@ def test_every_help_page_loads_nothing_heavy() -> None:
     assert not modules_after(statement) & HEAVY
 
 
-def test_every_public_function_takes_a_path_and_a_mesh_of_trimesh() -> None:
+def test_every_public_function_takes_a_path_and_a_mesh_of_trimesh():
     """Parameters are annotated `MeshLike` where they are meshes."""
     functions = {name: getattr(texbake, name) for name in texbake.__all__}
     strict = [
@@ -102,7 +102,7 @@ def test_every_public_function_takes_a_path_and_a_mesh_of_trimesh() -> None:
     assert strict == []
 
 
-def test_the_main_job_runs_on_paths_and_on_meshes_of_trimesh(tmp_path: Path) -> None:
+def test_the_main_job_runs_on_paths_and_on_meshes_of_trimesh(tmp_path):
     low = plane(2, 2)
     high = plane(8, 8, lambda x, y: 0.02 * x * y).replace(uvs=None, uv_faces=None)
     texbake.write_mesh(low, tmp_path / "low.obj")

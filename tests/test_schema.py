@@ -1,7 +1,7 @@
 """Options as they are declared: their checks, and the JSON Schemas made of them."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -34,7 +34,7 @@ class Choices(CheckedOptions):
         {"angle": 90},
     ],
 )
-def test_values_that_can_be(values: dict[str, Any]) -> None:
+def test_values_that_can_be(values):
     options = Choices(**values)
     assert {name: getattr(options, name) for name in values} == values
 
@@ -60,14 +60,14 @@ def test_values_that_can_be(values: dict[str, Any]) -> None:
         ({"view": (1,)}, "view: (1,) is neither 2 finite numbers nor 3 finite numbers"),
     ],
 )
-def test_values_that_cannot_be(values: dict[str, Any], message: str) -> None:
+def test_values_that_cannot_be(values, message):
     with pytest.raises(OptionError) as caught:
         Choices(**values)
     assert str(caught.value) == message
     assert caught.value.parameters == tuple(values)
 
 
-def test_numbers_of_numpy_become_those_of_python() -> None:
+def test_numbers_of_numpy_become_those_of_python():
     options = Choices(
         count=np.int64(8), size=(np.int32(2), np.uint8(1)), axis=(np.float32(0.5), 1, np.int8(0)),
         angle=np.float64(0.1),
@@ -78,7 +78,7 @@ def test_numbers_of_numpy_become_those_of_python() -> None:
     assert [*map(type, options.axis)] == [float, int, int]
 
 
-def test_a_field_becomes_json_schema() -> None:
+def test_a_field_becomes_json_schema():
     assert option_field(Choices, "count").json_schema() == {
         "type": "integer",
         "minimum": 1,
@@ -90,7 +90,7 @@ def test_a_field_becomes_json_schema() -> None:
     assert option_field(Choices, "axis").json_schema()["anyOf"] == [{"enum": ["x"]}, three]
 
 
-def test_a_class_without_options_is_described_by_its_docstring() -> None:
+def test_a_class_without_options_is_described_by_its_docstring():
     @dataclass
     class Plain:
         """Values.

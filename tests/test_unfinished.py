@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -28,7 +27,7 @@ with appearing_together():
 
 
 @pytest.fixture
-def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def scratch(tmp_path, monkeypatch):
     """A folder that temporary folders of this process and of its children are in."""
     folder = tmp_path / "scratch"
     folder.mkdir()
@@ -37,14 +36,14 @@ def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def start(folder: Path, how: str) -> subprocess.Popen[bytes]:
+def start(folder, how):
     pipe = subprocess.PIPE
     return subprocess.Popen(
         [sys.executable, "-P", "-c", KILLED, str(folder), how], stdin=pipe, stdout=pipe
     )
 
 
-def write(folder: Path) -> None:
+def write(folder):
     """Write as a program that has just begun."""
     unfinished._LOOKED_THROUGH.clear()
     with replacing(folder / "other.png") as temporary:
@@ -53,7 +52,7 @@ def write(folder: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="which processes live is read in /proc")
-def test_what_a_killed_process_left_is_cleared(tmp_path: Path, scratch: Path) -> None:
+def test_what_a_killed_process_left_is_cleared(tmp_path, scratch):
     outputs = tmp_path / "outputs"
     outputs.mkdir()
     (outputs / "map.png").write_bytes(b"older")
@@ -66,11 +65,10 @@ def test_what_a_killed_process_left_is_cleared(tmp_path: Path, scratch: Path) ->
     assert not list(scratch.iterdir())
 
 
-def test_what_a_living_process_writes_stays(tmp_path: Path, scratch: Path) -> None:
+def test_what_a_living_process_writes_stays(tmp_path, scratch):
     outputs = tmp_path / "outputs"
     outputs.mkdir()
     with start(outputs, "wait") as living:
-        assert living.stdout is not None and living.stdin is not None
         assert living.stdout.readline() == b"ready\n"
         before = {*outputs.iterdir(), *scratch.iterdir()}
         assert len(before) == 3
@@ -79,7 +77,7 @@ def test_what_a_living_process_writes_stays(tmp_path: Path, scratch: Path) -> No
         living.stdin.close()
 
 
-def test_what_another_machine_left_stays(tmp_path: Path) -> None:
+def test_what_another_machine_left_stays(tmp_path):
     ended = subprocess.Popen([sys.executable, "-P", "-c", ""])
     ended.wait()
     name = unfinished.unfinished_name(tmp_path, ".png")
@@ -95,10 +93,10 @@ def test_what_another_machine_left_stays(tmp_path: Path) -> None:
     assert {file.name for file in tmp_path.iterdir()} == {*others, "other.png"}
 
 
-def test_folders_made_for_files_that_never_came_are_removed(tmp_path: Path) -> None:
+def test_folders_made_for_files_that_never_came_are_removed(tmp_path):
     (tmp_path / "there").mkdir()
 
-    def write_into(stop: bool) -> None:
+    def write_into(stop):
         with appearing_together():
             for folder in "deep/er", "there":
                 make_folder(tmp_path / folder)

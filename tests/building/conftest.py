@@ -1,16 +1,11 @@
 """Small pipelines, and workers that run in this process."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
-
 import pytest
 
 from texbake.building.build import build
 from texbake.building.options import BuildOptions
 from texbake.building.progress import ENDED, BuildEvent
-from texbake.building.report import BuildResult
-from texbake.building.task import Task, TaskOutcome, run_task
+from texbake.building.task import run_task
 from texbake.building.workers import LocalWorkers
 
 STEPS = """
@@ -46,41 +41,41 @@ options.high.radius = 2.0
 class Inline:
     """Does tasks in this process, and remembers them."""
 
-    def __init__(self, slots: int = 2) -> None:
+    def __init__(self, slots=2):
         self.slots, self.threads = slots, 1
-        self.tasks: list[Task] = []
+        self.tasks = []
         self.most_at_once = 0
-        self._begun: list[tuple[int, Task]] = []
+        self._begun = []
 
-    def submit(self, number: int, task: Task) -> None:
+    def submit(self, number, task):
         self.tasks.append(task)
         self._begun.append((number, task))
         self.most_at_once = max(self.most_at_once, len(self._begun))
 
-    def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
+    def finished(self, timeout):
         if timeout == 0.0:
             return []
         number, task = self._begun.pop(0)
         return [(number, run_task(task))]
 
-    def close(self) -> None:
+    def close(self):
         pass
 
     @property
-    def steps(self) -> list[str]:
+    def steps(self):
         return [f"{task.asset}.{task.step}" for task in self.tasks]
 
 
 @pytest.fixture
-def inline() -> type[Inline]:
+def inline():
     return Inline
 
 
 @pytest.fixture
-def write(tmp_path: Path) -> Callable[..., Path]:
+def write(tmp_path):
     """Write a pipeline file; without steps or assets, those of this module."""
 
-    def write(assets: str = ASSETS, steps: str = STEPS, head: str = "") -> Path:
+    def write(assets=ASSETS, steps=STEPS, head=""):
         path = tmp_path / "pipeline.toml"
         path.write_text(head + assets + steps, encoding="utf-8")
         return path
@@ -89,13 +84,13 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 
 
 @pytest.fixture
-def run() -> Callable[..., tuple[BuildResult, list[str]]]:
+def run():
     """Build in this process; return the result and the names of the steps that ran.
 
     Also check that the events of the build agree with its result.
     """
 
-    def run(path: Path, **options: Any) -> tuple[BuildResult, list[str]]:
+    def run(path, **options):
         crew, events = Inline(), list[BuildEvent]()
         result = build(path, BuildOptions(**options), listener=events.append, workers=crew)
         first, *between, last = events
@@ -114,11 +109,11 @@ def run() -> Callable[..., tuple[BuildResult, list[str]]]:
 
 
 @pytest.fixture
-def workers() -> Iterator[Callable[[int], LocalWorkers]]:
+def workers():
     """Make real workers that end with the test."""
-    made: list[LocalWorkers] = []
+    made = []
 
-    def workers(slots: int) -> LocalWorkers:
+    def workers(slots):
         made.append(LocalWorkers(slots, 1))
         return made[-1]
 
@@ -128,10 +123,10 @@ def workers() -> Iterator[Callable[[int], LocalWorkers]]:
 
 
 @pytest.fixture
-def contents() -> Callable[[Path], dict[str, bytes]]:
+def contents():
     """Bytes of every output file."""
 
-    def contents(folder: Path) -> dict[str, bytes]:
+    def contents(folder):
         return {
             path.relative_to(folder).as_posix(): path.read_bytes()
             for path in sorted(folder.rglob("*"))

@@ -6,9 +6,6 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 # Logs the key of each step that a worker makes. Dask runs this twice in each process.
 LOGGING = """
@@ -43,7 +40,7 @@ LocalFolder.path = lambda self, name: f"/other{self.place}/{name}"
 """
 
 
-def wait_for(condition: Callable[[], object], seconds: float = 60) -> None:
+def wait_for(condition, seconds=60):
     deadline = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < deadline
@@ -53,7 +50,7 @@ def wait_for(condition: Callable[[], object], seconds: float = 60) -> None:
 class Cluster:
     """Processes of a scheduler and of workers, each with one thread."""
 
-    def __init__(self, folder: Path, n_workers: int = 2) -> None:
+    def __init__(self, folder, n_workers=2):
         folder.mkdir(parents=True)
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
@@ -63,11 +60,11 @@ class Cluster:
         self.scheduler = self._start(
             "scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"
         )
-        self.workers: list[subprocess.Popen[bytes]] = []
+        self.workers = []
         for _ in range(n_workers):
             self.add_worker()
 
-    def add_worker(self, preload: str = LOGGING) -> subprocess.Popen[bytes]:
+    def add_worker(self, preload=LOGGING):
         """Start a worker, which runs the code of `preload` first."""
         file = self.folder / f"preload{len(self.workers)}.py"
         file.write_text(preload)
@@ -79,7 +76,7 @@ class Cluster:
         self.workers.append(worker)
         return worker
 
-    def _start(self, *words: str) -> subprocess.Popen[bytes]:
+    def _start(self, *words):
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "distributed.cli.dask_" + words[0], *words[1:]],
             stdout=subprocess.DEVNULL,
@@ -87,21 +84,21 @@ class Cluster:
             env={**os.environ, "STEPS_MADE": str(self.folder / "steps_made")},
         )
 
-    def ask(self, question: Callable[[Any], Any]) -> Any:
+    def ask(self, question):
         """Return the answer of a client of the scheduler."""
         from distributed import Client
 
-        client: Any = Client
+        client = Client
         with client(self.address, timeout=60, set_as_default=False) as made:
             return question(made)
 
-    def wait(self, n_workers: int) -> None:
+    def wait(self, n_workers):
         """Wait until the scheduler has exactly that many workers."""
         self.ask(
             lambda client: wait_for(lambda: len(client.scheduler_info()["workers"]) == n_workers)
         )
 
-    def end(self, worker: subprocess.Popen[bytes]) -> None:
+    def end(self, worker):
         """Kill a worker, and wait until the scheduler knows."""
         worker.kill()
         worker.wait()
@@ -109,20 +106,20 @@ class Cluster:
         self.wait(len(self.workers))
 
     @property
-    def steps_made(self) -> Counter[str]:
+    def steps_made(self):
         """How often each key was made."""
         return Counter(line.split()[0] for line in self._made())
 
     @property
-    def made_again(self) -> list[str]:
+    def made_again(self):
         """Keys that were made though the store had their results already."""
         return [line.split()[0] for line in self._made() if line.endswith("again")]
 
-    def _made(self) -> list[str]:
+    def _made(self):
         file = self.folder / "steps_made"
         return file.read_text().splitlines() if file.exists() else []
 
-    def close(self) -> None:
+    def close(self):
         for process in (*self.workers, self.scheduler):
             process.kill()
             process.wait()

@@ -4,9 +4,6 @@ import errno
 import json
 import os
 import re
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,16 +14,11 @@ from texbake.building.build import build, plan_build
 from texbake.building.digests import checksum
 from texbake.building.options import BuildOptions, parse_bytes
 from texbake.building.store import Store
-from texbake.building.task import Task, TaskOutcome
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
-from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.scene import RayScene
 from texbake.texture.image import read_image, write_image
 
-Write = Callable[..., Path]
-Run = Callable[..., Any]
-Contents = Callable[[Path], dict[str, bytes]]
 SCAN = """
 [[assets]]
 inputs.high = "*.ply"
@@ -44,21 +36,18 @@ output = "{asset}.{ext}"
 """
 
 
-def report(path: Path, folder: str = "build") -> dict[str, Any]:
-    found: dict[str, Any] = json.loads((path.parent / folder / "build.json").read_text())
-    return found
+def report(path, folder="build"):
+    return json.loads((path.parent / folder / "build.json").read_text())
 
 
 @pytest.fixture
-def scans(tmp_path: Path, write: Write) -> Path:
+def scans(tmp_path, write):
     for number, name in enumerate(["a", "b", "c"]):
         write_mesh(uv_sphere(4 + number, 8), tmp_path / f"{name}.ply")
     return write(SCAN, SCAN_STEPS)
 
 
-def test_a_build_makes_everything_and_the_next_nothing(
-    write: Write, run: Run, contents: Contents
-) -> None:
+def test_a_build_makes_everything_and_the_next_nothing(write, run, contents):
     path = write()
     result, steps = run(path)
     assert result.ok and len(steps) == 6
@@ -76,16 +65,14 @@ def test_a_build_makes_everything_and_the_next_nothing(
     assert contents(path.parent / "build") == before
 
 
-def test_less_memory_gives_the_same_bytes(
-    write: Write, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_less_memory_gives_the_same_bytes(write, run, contents, monkeypatch):
     path = write()
     run(path)
     before = contents(path.parent / "build")
-    in_chunks: list[RayScene] = []
+    in_chunks = []
     trees = RayScene.trees
 
-    def spy(scene: RayScene) -> Iterator[MortonTree]:
+    def spy(scene):
         if scene.in_chunks and not any(scene is known for known in in_chunks):
             in_chunks.append(scene)
         return trees(scene)
@@ -98,7 +85,7 @@ def test_less_memory_gives_the_same_bytes(
     assert run(path, max_memory="1M")[1] == []
 
 
-def test_only_changed_steps_run(write: Write, run: Run) -> None:
+def test_only_changed_steps_run(write, run):
     path = write()
     run(path)
     path.write_text(path.read_text().replace("padding = 1", "padding = 2"))
@@ -119,7 +106,7 @@ def test_only_changed_steps_run(write: Write, run: Run) -> None:
     assert run(path)[1] == []
 
 
-def test_a_step_whose_inputs_come_out_the_same_does_not_run(scans: Path, run: Run) -> None:
+def test_a_step_whose_inputs_come_out_the_same_does_not_run(scans, run):
     run(scans)
     mesh = read_mesh(scans.parent / "a.ply")
     # The same triangles with a vertex that none uses, which the repair leaves out again.
@@ -132,13 +119,13 @@ def test_a_step_whose_inputs_come_out_the_same_does_not_run(scans: Path, run: Ru
     assert run(scans)[1] == ["a.clean"]
 
 
-def test_a_file_that_is_only_touched_is_not_built_again(scans: Path, run: Run) -> None:
+def test_a_file_that_is_only_touched_is_not_built_again(scans, run):
     run(scans)
     os.utime(scans.parent / "a.ply")
     assert run(scans)[1] == []
 
 
-def test_a_file_that_changed_with_its_time_set_back_is_seen(scans: Path, run: Run) -> None:
+def test_a_file_that_changed_with_its_time_set_back_is_seen(scans, run):
     run(scans)
     file = scans.parent / "a.ply"
     status = file.stat()
@@ -149,7 +136,7 @@ def test_a_file_that_changed_with_its_time_set_back_is_seen(scans: Path, run: Ru
     assert "a.clean" in run(scans)[1]
 
 
-def test_a_bad_asset_fails_alone(scans: Path, run: Run, contents: Contents) -> None:
+def test_a_bad_asset_fails_alone(scans, run, contents):
     (scans.parent / "b.ply").write_bytes(b"ply\nnonsense\n")
     result, _ = run(scans)
     assert not result.ok
@@ -177,13 +164,11 @@ def test_a_bad_asset_fails_alone(scans: Path, run: Run, contents: Contents) -> N
         ("c.ply", "it changed since the build looked at it; build again"),
     ],
 )
-def test_an_input_that_changes_or_vanishes_during_a_build(
-    scans: Path, inline: Any, name: str, fault: str
-) -> None:
+def test_an_input_that_changes_or_vanishes_during_a_build(scans, inline, name, fault):
     crew = inline(slots=1 if name == "b.ply" else 9)
     submit = crew.submit
 
-    def change(number: int, task: Task) -> None:
+    def change(number, task):
         if name == "b.ply":
             (scans.parent / name).unlink(missing_ok=True)
         elif task.asset == "c":
@@ -197,9 +182,7 @@ def test_an_input_that_changes_or_vanishes_during_a_build(
 
 @pytest.mark.parametrize("step", ["clean", "low"])
 @pytest.mark.parametrize("kind", ["flipped", "cut", "gone", "manifest", "no manifest"])
-def test_a_damaged_store_is_noticed_and_repaired(
-    step: str, kind: str, scans: Path, run: Run, contents: Contents
-) -> None:
+def test_a_damaged_store_is_noticed_and_repaired(step, kind, scans, run, contents):
     first, _ = run(scans)
     before = contents(scans.parent / "build")
     key = next(s.key for s in first.assets[0].steps if s.step == step)
@@ -231,15 +214,15 @@ def test_a_damaged_store_is_noticed_and_repaired(
 
 
 def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
-    scans: Path, run: Run, contents: Contents
-) -> None:
+    scans, run, contents
+):
     first, _ = run(scans)
     before = contents(scans.parent / "build")
     key = first.assets[0].steps[0].key
     entry = scans.parent / "build" / ".texbake" / "store" / key[:2] / key
     (file,) = [path for path in entry.iterdir() if path.suffix == ".ply"]
 
-    def rot() -> None:
+    def rot():
         """Change a bit as a disk does: the remembered signature stays that of the file."""
         data = bytearray(file.read_bytes())
         data[-9] ^= 1
@@ -268,7 +251,7 @@ def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_re
     assert contents(scans.parent / "build") == before
 
 
-def test_a_step_is_blocked_by_any_step_before_it_that_failed(scans: Path, run: Run) -> None:
+def test_a_step_is_blocked_by_any_step_before_it_that_failed(scans, run):
     (scans.parent / "b.ply").write_bytes(b"ply\nnonsense\n")
     later = '[steps.{}]\ndo = "repair"\nmesh = "{}"\n'
     scans.write_text(scans.read_text() + later.format("two", "low") + later.format("own", "high"))
@@ -279,9 +262,7 @@ def test_a_step_is_blocked_by_any_step_before_it_that_failed(scans: Path, run: R
     assert steps["clean"][0] == steps["own"][0] == "failed"
 
 
-def test_outputs_that_were_changed_or_removed_are_put_back(
-    scans: Path, run: Run, contents: Contents
-) -> None:
+def test_outputs_that_were_changed_or_removed_are_put_back(scans, run, contents):
     run(scans)
     folder = scans.parent / "build"
     before = contents(folder)
@@ -293,9 +274,7 @@ def test_outputs_that_were_changed_or_removed_are_put_back(
     assert notes == ["restored 1 missing or changed output"] * 2
 
 
-def test_a_new_asset_whose_results_are_stored_misses_no_outputs(
-    tmp_path: Path, write: Write, run: Run
-) -> None:
+def test_a_new_asset_whose_results_are_stored_misses_no_outputs(tmp_path, write, run):
     write_mesh(uv_sphere(4, 8), tmp_path / "one.ply")
     asset = '[[assets]]\nname = "{}"\ninputs.high = "one.ply"\n'
     run(write(asset.format("a"), SCAN_STEPS))
@@ -308,7 +287,7 @@ def test_a_new_asset_whose_results_are_stored_misses_no_outputs(
     assert (path.parent / "build" / "b.obj").is_file()
 
 
-def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
+def test_equal_steps_of_two_assets_run_once(write, run):
     path = write('[[assets]]\nname = "a"\n[[assets]]\nname = "b"\n')
     result, steps = run(path)
     assert result.ok
@@ -318,7 +297,7 @@ def test_equal_steps_of_two_assets_run_once(write: Write, run: Run) -> None:
     ).read_bytes()
 
 
-def test_all_steps_that_check_allow_what_the_file_allows(write: Write, run: Run) -> None:
+def test_all_steps_that_check_allow_what_the_file_allows(write, run):
     steps = """
 [steps.low]
 do = "make"
@@ -343,7 +322,7 @@ allow = []
     assert "low texel density (2 faces), extreme size (1 mesh)" in failed.error
 
 
-def test_steps_wait_for_a_check(write: Write, run: Run) -> None:
+def test_steps_wait_for_a_check(write, run):
     steps = """
 [steps.high]
 do = "make"
@@ -366,10 +345,8 @@ after = "limits"
     assert run(path)[1] == ["a.limits", "a.low"]
 
 
-def test_a_full_disk_fails_a_step_and_leaves_no_partial_file(
-    scans: Path, run: Run, contents: Contents, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(source: Path, target: Path) -> None:
+def test_a_full_disk_fails_a_step_and_leaves_no_partial_file(scans, run, contents, monkeypatch):
+    def full(source, target):
         target.write_bytes(source.read_bytes()[:100])
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
@@ -384,22 +361,7 @@ def test_a_full_disk_fails_a_step_and_leaves_no_partial_file(
     assert steps == ["a.low", "b.low", "c.low"]  # the others were stored before
 
 
-def test_a_store_without_space(scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(self: Store, *arguments: Any) -> None:
-        raise FileError("store: No space left on device")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Store, "commit", full)
-        result, _ = run(scans)
-    assert len(result.failed) == 3
-    store = scans.parent / "build" / ".texbake" / "store"
-    assert [path for path in store.rglob("*") if path.is_file()] == []
-    assert run(scans)[0].ok
-
-
-def test_bugs_are_reported_with_their_traceback(
-    scans: Path, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bugs_are_reported_with_their_traceback(scans, run, monkeypatch):
     monkeypatch.setattr("texbake.mesh.repair.repair", lambda mesh, options: 1 // 0)
     result, _ = run(scans)
     step = result.failed[0].steps[0]
@@ -409,11 +371,11 @@ def test_bugs_are_reported_with_their_traceback(
     assert "Traceback" in step.trace
 
 
-def test_an_interrupted_build_says_so_and_goes_on_where_it_was(scans: Path, inline: Any) -> None:
+def test_an_interrupted_build_says_so_and_goes_on_where_it_was(scans, inline):
     crew = inline(slots=1)
     submit = crew.submit
 
-    def interrupt(number: int, task: Any) -> None:
+    def interrupt(number, task):
         if len(crew.tasks) == 3:
             raise KeyboardInterrupt
         submit(number, task)
@@ -428,7 +390,7 @@ def test_an_interrupted_build_says_so_and_goes_on_where_it_was(scans: Path, inli
     assert report(scans)["state"] == "finished"
 
 
-def test_stored_results_that_are_not_used_are_removed_when_asked(write: Write, run: Run) -> None:
+def test_stored_results_that_are_not_used_are_removed_when_asked(write, run):
     path = write()
     run(path)
     store = path.parent / "build" / ".texbake" / "store"
@@ -442,27 +404,24 @@ def test_stored_results_that_are_not_used_are_removed_when_asked(write: Write, r
     assert run(path)[1] == ["egg.high", "egg.low", "egg.maps"]
 
 
-def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(
-    write: Write, inline: Any
-) -> None:
+def test_two_pipelines_of_one_store_do_not_take_work_in_hand_from_each_other(write, inline):
     path = write(head='store = "common"\n')
     other = path.with_name("other.toml")
     text = path.read_text().replace("radius = 2.0", "radius = 3.0")
     other.write_text('folder = "elsewhere"\n' + text)
 
-    class Nested(inline):  # type: ignore[misc]
-        def finished(self, timeout: float | None) -> list[tuple[int, TaskOutcome]]:
+    class Nested(inline):
+        def finished(self, timeout):
             if timeout != 0.0 and not other.with_name("elsewhere").exists():
                 with Store(str(path.parent / "common")).folder() as folder:
                     assert build(other, workers=inline()).ok
                     assert folder.is_dir()
-            found: list[tuple[int, TaskOutcome]] = super().finished(timeout)
-            return found
+            return super().finished(timeout)
 
     assert build(path, workers=Nested()).ok
 
 
-def test_an_interrupted_removal_is_completed(write: Write, run: Run) -> None:
+def test_an_interrupted_removal_is_completed(write, run):
     path = write()
     run(path)
     store = path.parent / "build" / ".texbake" / "store"
@@ -474,9 +433,7 @@ def test_an_interrupted_removal_is_completed(write: Write, run: Run) -> None:
     assert not left.exists() and entry.exists()
 
 
-def test_materials_of_the_high_poly_mesh_are_baked_and_count(
-    tmp_path: Path, write: Write, run: Run
-) -> None:
+def test_materials_of_the_high_poly_mesh_are_baked_and_count(tmp_path, write, run):
     square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
     faces = "usemtl one\nf 1/1 2/2 3/3\nusemtl two\nf 1/1 3/3 4/4\n"
     (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{square}{faces}")
@@ -495,7 +452,7 @@ output = "{output}.{ext}"
     result, _ = run(path)
     assert result.ok, result.failed
 
-    def colors() -> tuple[list[int], list[int]]:
+    def colors():
         texture = read_image(path.parent / "build" / "base-color.png", color=True).pixels
         return texture[12, 14].round().tolist(), texture[2, 3].round().tolist()
 
@@ -513,29 +470,9 @@ output = "{output}.{ext}"
     assert colors() == ([1, 1, 1], [1, 1, 1])
 
 
-def test_hundreds_of_assets_are_planned_and_found_current(
-    write: Write, tmp_path: Path, inline: Any
-) -> None:
-    (tmp_path / "in").mkdir()
-    write_mesh(uv_sphere(3, 4), tmp_path / "in" / "0.ply")
-    data = (tmp_path / "in" / "0.ply").read_bytes()
-    for number in range(1, 300):
-        (tmp_path / "in" / f"{number}.ply").write_bytes(data)
-    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\nformat = "stl"\n'
-    path = write('[[assets]]\ninputs.high = "in/*.ply"\n', steps)
-    # All have the same content but not the same name, which counts; so one alone is built.
-    built = inline()
-    assert build(path, BuildOptions(only=("77",)), workers=built).ok
-    plan = plan_build(path)
-    assert len(plan) == 300
-    assert [step.asset for step in plan if step.state == "current"] == ["77"]
-
-
 @pytest.mark.parametrize("key", ["folder", "store", "outputs"])
 @pytest.mark.parametrize("name", ["a\\u0000b", "a" * 300])
-def test_a_name_that_no_folder_can_have_is_one_line(
-    key: str, name: str, write: Write, run: Run
-) -> None:
+def test_a_name_that_no_folder_can_have_is_one_line(key, name, write, run):
     path = write(SCAN, SCAN_STEPS, f'{key} = "{name}"\n')
     write_mesh(uv_sphere(4, 6), path.parent / "a.ply")
     for use in (run, plan_build):
@@ -543,8 +480,8 @@ def test_a_name_that_no_folder_can_have_is_one_line(
             use(path)
 
 
-def test_invalid_options() -> None:
+def test_invalid_options():
     for choice in ({"jobs": 0}, {"threads": -1}, {"max_memory": "much"}, {"scheduler": "there"}):
         with pytest.raises(OptionError):
-            BuildOptions(**choice)  # type: ignore[arg-type]
+            BuildOptions(**choice)
     assert parse_bytes("2 GiB") == 2 * 1024**3

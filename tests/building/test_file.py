@@ -1,7 +1,6 @@
 """Errors in a pipeline file name the line, the key and what was expected."""
 
 import re
-from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from texbake.building.options import BuildOptions
 from texbake.errors import FileFormatError
 from texbake.limits import ALLOW_OUTSIDE
 
-Write = Callable[..., Path]
 ASSET = '[[assets]]\nname = "a"\n'
 REPAIR = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
 LEVELS = '[steps.l]\ndo = "simplify"\nmesh = "high"\nfaces = [9, 8]\n'
@@ -88,7 +86,7 @@ MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
         ('[[assets]]\nname = "{stm}"\n', MAKE, 2, "{stm}, which is not known"),
     ],
 )
-def test_bad_files(assets: str, steps: str, line: int | None, message: str, write: Write) -> None:
+def test_bad_files(assets, steps, line, message, write):
     path = write(assets, steps)
     with pytest.raises(FileFormatError) as caught:
         plan_build(path)
@@ -99,7 +97,7 @@ def test_bad_files(assets: str, steps: str, line: int | None, message: str, writ
     assert "\n" not in text
 
 
-def test_steps_that_wait_for_one_another(write: Write) -> None:
+def test_steps_that_wait_for_one_another(write):
     steps = """
 [steps.a]
 do = "repair"
@@ -119,7 +117,7 @@ mesh = "b"
     assert all(needs[one] == other for one, other in pairwise(names))
 
 
-def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
+def test_an_output_over_an_input(write, tmp_path):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "a.ply").write_text("x")
     steps = REPAIR + 'output = "a.ply"\n'
@@ -140,7 +138,7 @@ def test_an_output_over_an_input(write: Write, tmp_path: Path) -> None:
         ("a\\u0000.ply", "has a character that file names cannot have"),
     ],
 )
-def test_harmful_outputs(output: str, message: str, write: Write, tmp_path: Path) -> None:
+def test_harmful_outputs(output, message, write, tmp_path):
     (tmp_path / "raw.ply").write_text("x")
     steps = f'[steps.r]\ndo = "repair"\nmesh = "./raw.ply"\noutput = "{output}"\n'
     if output in ("p.toml", "build.json"):  # a folder has no suffix to mind
@@ -150,7 +148,7 @@ def test_harmful_outputs(output: str, message: str, write: Write, tmp_path: Path
         plan_build(path.rename(tmp_path / "p.toml"), BuildOptions(folder=tmp_path))
 
 
-def test_only_takes_names_with_brackets_as_they_are(write: Write, tmp_path: Path) -> None:
+def test_only_takes_names_with_brackets_as_they_are(write, tmp_path):
     (tmp_path / "a[1].ply").write_text("x")
     path = write(
         '[[assets]]\ninputs.high = "a*.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "high"\n'
@@ -158,7 +156,7 @@ def test_only_takes_names_with_brackets_as_they_are(write: Write, tmp_path: Path
     assert [step.asset for step in plan_build(path, BuildOptions(only=("a[1]",)))] == ["a[1]"]
 
 
-def test_a_name_matched_twice(write: Write, tmp_path: Path) -> None:
+def test_a_name_matched_twice(write, tmp_path):
     for folder in "one", "two":
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "a.ply").write_text("x")
@@ -170,7 +168,7 @@ def test_a_name_matched_twice(write: Write, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a b", "größe", 'it\'s "quoted"', "[1]", "a#b", "100%"])
-def test_odd_names(name: str, write: Write, tmp_path: Path) -> None:
+def test_odd_names(name, write, tmp_path):
     folder = tmp_path / name
     folder.mkdir()
     (folder / f"{name}.ply").write_text("x")
@@ -180,7 +178,7 @@ def test_odd_names(name: str, write: Write, tmp_path: Path) -> None:
     assert (step.asset, step.state) == (name, "runs")
 
 
-def test_sidecars_are_found_by_the_stem(write: Write, tmp_path: Path) -> None:
+def test_sidecars_are_found_by_the_stem(write, tmp_path):
     for name in "a_high.ply", "b_high.ply", "a_high_cage.ply":
         (tmp_path / name).write_text(name)
     assets = '[[assets]]\ninputs.high = "?_high.ply"\ninputs.cage = "{stem}_cage.ply"\n'
@@ -191,14 +189,14 @@ def test_sidecars_are_found_by_the_stem(write: Write, tmp_path: Path) -> None:
     assert "b_high_cage.ply: there is no such file" in states["b_high"][1]
 
 
-def test_not_toml(write: Write) -> None:
+def test_not_toml(write):
     with pytest.raises(FileFormatError, match=r"it is not TOML: .*line 1"):
         plan_build(write("a = \n", ""))
     with pytest.raises(FileError, match="there is no such file"):
         plan_build("nowhere.toml")
 
 
-def test_only_names_assets(write: Write) -> None:
+def test_only_names_assets(write):
     path = write()
     steps = plan_build(path, BuildOptions(only=("e*",)))
     assert {step.asset for step in steps} == {"egg"}
@@ -206,13 +204,13 @@ def test_only_names_assets(write: Write) -> None:
         plan_build(path, BuildOptions(only=("bal",)))
 
 
-def test_chosen_steps_of_an_asset_bring_their_inputs(write: Write) -> None:
+def test_chosen_steps_of_an_asset_bring_their_inputs(write):
     path = write('[[assets]]\nname = "a"\nsteps = "low"\n')
     assert [step.step for step in plan_build(path)] == ["high", "low"]
 
 
 @pytest.mark.skipif(not Path("/proc/self/mem").exists(), reason="Linux has such a file")
-def test_a_file_that_cannot_be_read_is_one_error() -> None:
+def test_a_file_that_cannot_be_read_is_one_error():
     with pytest.raises(FileError, match="cannot be read"):
         read_pipeline("/proc/self/mem")
 

@@ -6,10 +6,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -26,15 +24,15 @@ sys.exit(0 if result.ok else 1)
 N_KILLS = int(os.environ.get("TEXBAKE_KILLS", "4"))
 
 
-def start(path: Path, folder: Path) -> subprocess.Popen[bytes]:
+def start(path, folder):
     return subprocess.Popen([sys.executable, "-P", "-c", CODE, str(path), str(folder)])
 
 
-def children(parent: int) -> list[int]:
+def children(parent):
     """Processes that a process has started; Linux only."""
     path = Path(f"/proc/{parent}/task/{parent}/children")
     threads = Path(f"/proc/{parent}/task")
-    found: list[int] = []
+    found = []
     if path.exists():
         for thread in threads.iterdir():
             try:
@@ -45,7 +43,7 @@ def children(parent: int) -> list[int]:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the workers in /proc")
-def test_random_kills(write: Any, tmp_path: Path, contents: Callable[..., Any]) -> None:
+def test_random_kills(write, tmp_path, contents):
     """`TEXBAKE_KILLS=30` runs as many as the documentation reports."""
     assets = "".join(
         f'[[assets]]\nname = "{number}"\noptions.high.radius = {1 + number / 4}\n'
@@ -82,11 +80,10 @@ def test_random_kills(write: Any, tmp_path: Path, contents: Callable[..., Any]) 
         assert len(entries) == 15 and not list((folder / ".texbake" / "store" / "tmp").iterdir())
         for entry in entries:
             manifest = store.find(entry.name)
-            assert manifest is not None
             store.check(manifest, Digests(tmp_path / "none", trusting=False), ())
 
 
-def test_two_builds_at_once(write: Any, tmp_path: Path, contents: Callable[..., Any]) -> None:
+def test_two_builds_at_once(write, tmp_path, contents):
     path = write()
     builds = [start(path, tmp_path / "both") for _ in range(2)]
     assert [build.wait() for build in builds] == [0, 0]

@@ -32,7 +32,7 @@ after = "x"
 '''
 
 
-def test_every_key_has_its_line() -> None:
+def test_every_key_has_its_line():
     assert tomllib.loads(TEXT)
     expected = {
         "folder": 2,
@@ -59,7 +59,7 @@ def test_every_key_has_its_line() -> None:
     assert {place: line_of(TEXT, place) for place in expected} == expected
 
 
-def test_brackets_and_quotes_in_texts_end_no_statement() -> None:
+def test_brackets_and_quotes_in_texts_end_no_statement():
     texts = ['''"""a\n"" \\""" ["""""''', "'''a\n''['''''", '"\\"["', "'[\\'", "['[', # [\n]"]
     for text in texts:
         for before in texts:

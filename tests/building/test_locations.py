@@ -5,9 +5,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -19,11 +17,9 @@ from texbake.building.store import Store
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import uv_sphere
 
-Run = Callable[..., Any]
-
 
 @pytest.fixture(params=["path", "file", "memory"])
-def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+def place(request, tmp_path):
     if request.param == "path":
         return str(tmp_path / "there")
     fsspec = pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
@@ -33,7 +29,7 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> str:
     return f"file://{tmp_path}/there"
 
 
-def test_files_come_back_as_they_were_put(place: str, tmp_path: Path) -> None:
+def test_files_come_back_as_they_were_put(place, tmp_path):
     location = location_of(place)
     source = tmp_path / "source"
     source.write_bytes(b"one")
@@ -49,7 +45,7 @@ def test_files_come_back_as_they_were_put(place: str, tmp_path: Path) -> None:
     assert location.fetch("a/b", tmp_path).read_bytes() == b"two, longer"
 
 
-def test_folders_are_moved_whole_and_removed(place: str, tmp_path: Path) -> None:
+def test_folders_are_moved_whole_and_removed(place, tmp_path):
     location = location_of(place)
     for number in range(2):  # the second finds the first there
         folder = tmp_path / f"folder{number}"
@@ -64,7 +60,7 @@ def test_folders_are_moved_whole_and_removed(place: str, tmp_path: Path) -> None
     assert location.read("ab/abc/in/x") is None
 
 
-def test_everything_behind_urls(write: Any, run: Run, tmp_path: Path) -> None:
+def test_everything_behind_urls(write, run, tmp_path):
     fsspec = pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
     memory = fsspec.filesystem("memory")
     memory.store.clear()
@@ -100,7 +96,7 @@ output = "{asset}/mips"
     assert ran == ["c.clean"] and len(result.failed) == 1
 
 
-def test_locations_that_cannot_be_opened(tmp_path: Path) -> None:
+def test_locations_that_cannot_be_opened(tmp_path):
     pytest.importorskip("fsspec", reason="the extra `dask` is not installed")
     with pytest.raises(FileError, match="nowhere://x: cannot be reached"):
         location_of("nowhere://x")
@@ -109,7 +105,7 @@ def test_locations_that_cannot_be_opened(tmp_path: Path) -> None:
         location_of(tmp_path / "file").put(tmp_path / "file", "a/b")
 
 
-def test_patterns(tmp_path: Path) -> None:
+def test_patterns(tmp_path):
     for name in "a.ply", "b.ply", "[c].ply", "d.txt":
         (tmp_path / name).write_text("")
     (tmp_path / "e.ply").mkdir()
@@ -126,13 +122,13 @@ def test_patterns(tmp_path: Path) -> None:
     assert matches(str(tmp_path / "*.txt"), inside) == [str(tmp_path / "d.txt")]
 
 
-def test_errors_of_a_file_system_of_its_own_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_errors_of_a_file_system_of_its_own_kind(monkeypatch):
     memory = pytest.importorskip("fsspec", reason="fsspec is not installed").filesystem("memory")
 
     class ClientError(Exception):
         """As botocore has it."""
 
-    def refuse(*arguments: object, **more: object) -> None:
+    def refuse(*arguments, **more):
         raise ClientError("Access\nDenied")
 
     location = location_of("memory://there")
@@ -144,7 +140,7 @@ def test_errors_of_a_file_system_of_its_own_kind(monkeypatch: pytest.MonkeyPatch
         matches("memory://there/*", Path())
 
 
-def test_a_second_build_learns_who_holds_the_lock(write: Any, inline: Any) -> None:
+def test_a_second_build_learns_who_holds_the_lock(write, inline):
     path = write()
     inside = path.parent / "build" / ".texbake"
     inside.mkdir(parents=True)
@@ -159,13 +155,13 @@ def test_a_second_build_learns_who_holds_the_lock(write: Any, inline: Any) -> No
     assert build(path, BuildOptions(wait=False), workers=inline()).ok
 
 
-def test_it_waits_until_the_lock_is_let_go(tmp_path: Path) -> None:
+def test_it_waits_until_the_lock_is_let_go(tmp_path):
     (tmp_path / "in").mkdir()
     path = tmp_path / "in" / "lock"
-    notes: list[str] = []
-    order: list[str] = []
+    notes = []
+    order = []
 
-    def second() -> None:
+    def second():
         with locked(path, note=notes.append):
             order.append("second")
 
@@ -181,8 +177,8 @@ def test_it_waits_until_the_lock_is_let_go(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="locks by fcntl")
-def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(descriptor: int, how: int) -> None:
+def test_a_file_system_without_locks(tmp_path, monkeypatch):
+    def refuse(descriptor, how):
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr("fcntl.flock", refuse)
@@ -191,7 +187,7 @@ def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyP
         pass
 
 
-def test_folders_of_steps_are_removed_once_nobody_works_in_them(tmp_path: Path) -> None:
+def test_folders_of_steps_are_removed_once_nobody_works_in_them(tmp_path):
     store = Store(str(tmp_path))
     with store.folder() as ours:
         for name, days in (("new", 6), ("old", 8)):  # of other machines

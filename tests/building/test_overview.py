@@ -1,13 +1,9 @@
 """The page of a build: what it shows of each asset, and links that lead to files."""
 
 import html.parser
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 from urllib.parse import unquote
 
 from texbake.building.overview import write_overview
-from texbake.building.report import BuildResult
 
 STEPS = """
 [steps.high]
@@ -61,12 +57,12 @@ options.limits.max_faces = 10
 class Table(html.parser.HTMLParser):
     """Rows of the table: class, texts, links and pictures."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path):
         super().__init__()
-        self.rows: list[dict[str, Any]] = []
+        self.rows = []
         self.feed(path.read_text(encoding="utf-8").partition("<tbody>")[2].partition("</tbody>")[0])
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_starttag(self, tag, attrs):
         values = dict(attrs)
         if tag == "tr":
             self.rows.append({"status": values["class"], "text": "", "links": [], "pictures": 0})
@@ -75,14 +71,12 @@ class Table(html.parser.HTMLParser):
         elif tag == "img":
             self.rows[-1]["pictures"] += 1
 
-    def handle_data(self, data: str) -> None:
+    def handle_data(self, data):
         if self.rows:
             self.rows[-1]["text"] += data
 
 
-def test_each_asset_has_its_row(
-    write: Callable[..., Path], run: Callable[..., tuple[BuildResult, list[str]]], tmp_path: Path
-) -> None:
+def test_each_asset_has_its_row(write, run, tmp_path):
     path = write(ASSETS, STEPS)
     page = tmp_path / "pages" / "overview.html"
     page.parent.mkdir()
@@ -106,9 +100,7 @@ def test_each_asset_has_its_row(
     assert [file.stat().st_mtime_ns for file in small] == before
 
 
-def test_files_without_an_output_are_not_linked(
-    write: Callable[..., Path], run: Callable[..., tuple[BuildResult, list[str]]], tmp_path: Path
-) -> None:
+def test_files_without_an_output_are_not_linked(write, run, tmp_path):
     steps = STEPS[: STEPS.rindex("output")]
     result, _ = run(write('[[assets]]\nname = "ball"\n', steps))
     (tmp_path / "build" / "ball" / "look.png").unlink()  # and what is gone has no picture

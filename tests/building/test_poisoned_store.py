@@ -2,10 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -25,7 +22,7 @@ output = "{asset}.{ext}"
 
 
 @pytest.fixture
-def built(tmp_path: Path, write: Callable[..., Path], run: Callable[..., Any]) -> Path:
+def built(tmp_path, write, run):
     """A pipeline of one asset, which is built."""
     write_mesh(uv_sphere(4, 8), tmp_path / "a.ply")
     path = write(STEPS, "")
@@ -33,7 +30,7 @@ def built(tmp_path: Path, write: Callable[..., Path], run: Callable[..., Any]) -
     return path
 
 
-def poison(pipeline: Path, change: Callable[[dict[str, Any]], None]) -> str:
+def poison(pipeline, change):
     """Change the one manifest of a store, with a checksum that fits; return its key."""
     (path,) = (pipeline.parent / "build").rglob("manifest.json")
     manifest = json.loads(path.read_text())
@@ -43,15 +40,13 @@ def poison(pipeline: Path, change: Callable[[dict[str, Any]], None]) -> str:
     return str(manifest["key"])
 
 
-def outside(manifest: dict[str, Any]) -> None:
+def outside(manifest):
     (output,) = manifest["outputs"].values()
     output["file"], output["files"][0]["path"] = ".", "../../evil.ply"
 
 
 @pytest.mark.parametrize("options", [{}, {"verify": True}])
-def test_a_manifest_cannot_name_a_file_outside(
-    built: Path, run: Callable[..., Any], tmp_path: Path, options: dict[str, bool]
-) -> None:
+def test_a_manifest_cannot_name_a_file_outside(built, run, tmp_path, options):
     (stored,) = (tmp_path / "build" / ".texbake").rglob("*.ply")
     poison(built, outside)
     # Where the path leads to from the entry there is a file with the right checksum.
@@ -68,8 +63,8 @@ def test_a_manifest_cannot_name_a_file_outside(
 @pytest.mark.parametrize(
     "name", ["../x", "a/../../x", "/etc/x", "C:/x", "C:x", "a\\..\\..\\x", "a//x", ".", "a/."]
 )
-def test_names_that_are_not_below_an_entry_are_damage(built: Path, name: str) -> None:
-    def change(manifest: dict[str, Any]) -> None:
+def test_names_that_are_not_below_an_entry_are_damage(built, name):
+    def change(manifest):
         (output,) = manifest["outputs"].values()
         output["file"] = name
 
@@ -79,7 +74,7 @@ def test_names_that_are_not_below_an_entry_are_damage(built: Path, name: str) ->
         Store(str(folder.parents[2])).find(key)
 
 
-def file(**changes: Any) -> str:
+def file(**changes):
     """The manifest of a step with one file, of which something is changed; None is left out."""
     listed = {"path": "", "sha256": "0" * 64, "size": 1, **changes}
     files = [{name: value for name, value in listed.items() if value is not None}]
@@ -95,9 +90,7 @@ def file(**changes: Any) -> str:
         file(path=None), file(sha256=None), file(sha256=3), file(size="large"),
     ],
 )  # fmt: skip
-def test_a_manifest_of_another_shape_is_damage(
-    built: Path, run: Callable[..., Any], content: str
-) -> None:
+def test_a_manifest_of_another_shape_is_damage(built, run, content):
     with suppress(RecursionError, ValueError):
         changes = json.loads(content)
         poison(built, lambda manifest: manifest.update(changes))
@@ -113,12 +106,10 @@ def test_a_manifest_of_another_shape_is_damage(
 @pytest.mark.parametrize(
     "content", ["[" * 100_000, '{"a": {"clean": [1]}}', '{"a": 5}', "5", "", "5 files", "[] files"]
 )
-def test_what_a_build_remembers_may_be_anything(
-    name: str, content: str, built: Path, run: Callable[..., Any]
-) -> None:
+def test_what_a_build_remembers_may_be_anything(name, content, built, run):
     (path,) = (built.parent / "build").rglob(name)
     if content.endswith(" files"):  # in place of each remembered digest, with a checksum that fits
-        files: Any = json.loads(path.read_text()).get("files", ())
+        files = json.loads(path.read_text()).get("files", ())
         files = dict.fromkeys(files, json.loads(content.removesuffix(" files")))
         content = json.dumps({"files": files, "checksum": checksum(files)})
     path.write_text(content)

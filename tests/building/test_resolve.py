@@ -1,22 +1,22 @@
 """Which settings and inputs change the key of a step."""
 
 import dataclasses
-from typing import Any
 
 import pytest
 
 from texbake.building.digests import canonical, checksum
 from texbake.building.resolve import differences, ingredients_of
 from texbake.building.steps import STEP_KINDS
+from texbake.errors import OptionError
 
 # Inputs that each kind must be given.
-GIVEN: dict[str, dict[str, Any]] = {
+GIVEN = {
     "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"to": "unity"},
     "pack-channels": {"red": "occlusion"},
 }  # fmt: skip
 
 
-def key(name: str, given: dict[str, Any], **more: Any) -> str:
+def key(name, given, **more):
     kind = STEP_KINDS[name]
     settings = kind.settings({**GIVEN.get(name, {}), **given})
     inputs = more.get("inputs", {"mesh": [{"called": "a.ply", "sha256": "0"}]})
@@ -24,7 +24,7 @@ def key(name: str, given: dict[str, Any], **more: Any) -> str:
 
 
 @pytest.mark.parametrize("name", STEP_KINDS)
-def test_defaults_that_are_written_out_change_nothing(name: str) -> None:
+def test_defaults_that_are_written_out_change_nothing(name):
     kind = STEP_KINDS[name]
     written = {
         field.name: field.default
@@ -37,7 +37,7 @@ def test_defaults_that_are_written_out_change_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", STEP_KINDS)
-def test_every_setting_changes_the_key(name: str) -> None:
+def test_every_setting_changes_the_key(name):
     """Each alone, whatever its value: the key is that of all settings."""
     kind = STEP_KINDS[name]
     settings = kind.settings(GIVEN.get(name, {}))
@@ -46,7 +46,7 @@ def test_every_setting_changes_the_key(name: str) -> None:
     assert len(keys) == 1 + len(kind.choices)
 
 
-def test_inputs_change_the_key_and_assets_do_not() -> None:
+def test_inputs_change_the_key_and_assets_do_not():
     base = key("repair", {})
     other = {"mesh": [{"called": "a.ply", "sha256": "1"}]}
     called = {"mesh": [{"called": "b.ply", "sha256": "0"}]}
@@ -54,15 +54,15 @@ def test_inputs_change_the_key_and_assets_do_not() -> None:
     assert key("repair", {}, asset="b") == base
 
 
-def test_threads_are_not_part_of_the_key() -> None:
+def test_threads_are_not_part_of_the_key():
     assert not any("threads" in kind.choices for kind in STEP_KINDS.values())
 
 
-def test_canonical_json_has_one_form() -> None:
+def test_canonical_json_has_one_form():
     assert canonical({"b": 1, "a": [1.5, "ö"]}) == '{"a":[1.5,"ö"],"b":1}'.encode()
 
 
-def test_differences_name_what_changed() -> None:
+def test_differences_name_what_changed():
     kind = STEP_KINDS["unwrap"]
     files = {"mesh": [{"called": "a.ply", "sha256": "0"}]}
     before = ingredients_of(kind, kind.settings({}), files, "a")
@@ -74,3 +74,14 @@ def test_differences_name_what_changed() -> None:
     assert differences({**before, "texbake": "0.0"}, before)[0].startswith(
         "the version: 0.0 before"
     )
+
+
+def test_settings_are_checked_by_their_classes():
+    with pytest.raises(OptionError, match=r"maps: .*nrmal.* is not one of normal"):
+        STEP_KINDS["bake"].settings({"maps": ("nrmal",)})
+    with pytest.raises(OptionError, match="format: 'displacement' is not one of the maps"):
+        STEP_KINDS["bake"].settings({"format": {"displacement": "exr"}})
+    with pytest.raises(OptionError, match="each level must have fewer"):
+        STEP_KINDS["simplify"].settings({"faces": (9, 9)})
+    with pytest.raises(OptionError, match="max_stretch"):
+        STEP_KINDS["check"].settings({"max_stretch": 0.5})

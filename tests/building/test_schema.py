@@ -3,7 +3,6 @@
 import json
 import tomllib
 from pathlib import Path
-from typing import Any
 
 import jsonschema
 import pytest
@@ -19,24 +18,24 @@ ASSETS = {"assets": [{"name": "a"}]}
 
 
 @pytest.fixture(scope="module")
-def scene() -> Any:
+def scene():
     jsonschema.Draft202012Validator.check_schema(scene_schema())
     return jsonschema.Draft202012Validator(scene_schema())
 
 
 @pytest.fixture(scope="module")
-def pipeline() -> Any:
+def pipeline():
     jsonschema.Draft202012Validator.check_schema(pipeline_schema())
     return jsonschema.Draft202012Validator(pipeline_schema())
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
-def test_every_sample_scene_is_valid(scene: Any, path: Path) -> None:
+def test_every_sample_scene_is_valid(scene, path):
     found = scene.iter_errors(tomllib.loads(path.read_text(encoding="utf-8")))
     assert [error.message for error in found] == []
 
 
-def test_the_sample_pipeline_is_valid(pipeline: Any) -> None:
+def test_the_sample_pipeline_is_valid(pipeline):
     text = (SAMPLES / "pipeline.toml").read_text(encoding="utf-8")
     assert [error.message for error in pipeline.iter_errors(tomllib.loads(text))] == []
 
@@ -54,7 +53,7 @@ def test_the_sample_pipeline_is_valid(pipeline: Any) -> None:
         {"objects": [{"shape": "cube", "material": {"base_color": {"procedure": "fog"}}}]},
     ],
 )
-def test_a_wrong_scene_is_not_valid(scene: Any, wrong: dict[str, Any]) -> None:
+def test_a_wrong_scene_is_not_valid(scene, wrong):
     assert not scene.is_valid(wrong)
 
 
@@ -69,19 +68,19 @@ def test_a_wrong_scene_is_not_valid(scene: Any, wrong: dict[str, Any]) -> None:
         {"do": "simplify", "mesh": "a", "faces": 500, "threads": 2},
     ],
 )
-def test_a_wrong_step_is_not_valid(pipeline: Any, step: dict[str, Any]) -> None:
+def test_a_wrong_step_is_not_valid(pipeline, step):
     assert pipeline.is_valid({**ASSETS, "steps": {"low": {"do": "make", "shape": "plane"}}})
     assert not pipeline.is_valid({**ASSETS, "steps": {"low": step}})
 
 
-def described(schema: dict[str, Any], place: str = "") -> Any:
+def described(schema, place=""):
     """Every key of a schema with its description."""
     for part in (schema, *schema.get("anyOf", ()), *schema.get("oneOf", ())):
         for key, of_key in part.get("properties", {}).items():
             yield f"{place}.{key}", of_key.get("description")
 
 
-def test_every_key_is_described() -> None:
+def test_every_key_is_described():
     keys = [*described(scene_schema()), *described(pipeline_schema())]
     for name, table in scene_schema()["$defs"].items():
         keys += described(table, name)
@@ -91,12 +90,12 @@ def test_every_key_is_described() -> None:
     assert len(keys) > 200
 
 
-def test_every_kind_of_step_has_a_schema() -> None:
+def test_every_kind_of_step_has_a_schema():
     kinds = pipeline_schema()["properties"]["steps"]["additionalProperties"]["oneOf"]
     assert [kind["properties"]["do"]["const"] for kind in kinds] == list(STEP_KINDS)
 
 
-def test_a_schema_can_be_written(tmp_path: Path) -> None:
+def test_a_schema_can_be_written(tmp_path):
     path = tmp_path / "scene.schema.json"
     assert schema_file("scene", path).files == (path,)
     assert json.loads(path.read_text(encoding="utf-8")) == scene_schema()

@@ -1,9 +1,5 @@
 """Each kind of step, alone and against the function of the library that it calls."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -16,16 +12,12 @@ from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image
 from texbake.verbs.step import Job, without_timings
 
-Do = Callable[..., tuple[dict[str, Path], dict[str, Any]]]
-
 
 @pytest.fixture
-def do(tmp_path: Path) -> Do:
+def do(tmp_path):
     """Do a step; returns its files and figures."""
 
-    def do(
-        name: str, given: dict[str, Any], threads: int = 1, **inputs: Any
-    ) -> tuple[dict[str, Path], dict[str, Any]]:
+    def do(name, given, threads=1, **inputs):
         kind = STEP_KINDS[name]
         roles = {
             role: file if isinstance(file, tuple) else (file,) for role, file in inputs.items()
@@ -45,12 +37,12 @@ def do(tmp_path: Path) -> Do:
 
 
 @pytest.fixture
-def ball(tmp_path: Path) -> Path:
+def ball(tmp_path):
     write_mesh(uv_sphere(8, 16), tmp_path / "ball.obj")
     return tmp_path / "ball.obj"
 
 
-def test_made_meshes_are_those_of_the_library(do: Do) -> None:
+def test_made_meshes_are_those_of_the_library(do):
     files, figures = do("make", {"shape": "torus", "resolution": (12, 8), "format": "obj"})
     mesh = read_mesh(files["mesh"])
     expected = make("torus", resolution=(12, 8))
@@ -58,13 +50,20 @@ def test_made_meshes_are_those_of_the_library(do: Do) -> None:
     assert figures["faces"] == 2 * 12 * 8
 
 
-def test_a_mesh_is_wrapped(do: Do, ball: Path) -> None:
+def test_relief_moves_along_the_normals_by_at_most_its_height(do):
+    files, _ = do("make", {"shape": "sphere", "relief": "worley", "relief_height": 0.1})
+    radii = np.linalg.norm(read_mesh(files["mesh"]).positions, axis=1)
+    assert radii.min() >= 1.0 - 1e-6 and radii.max() <= 1.1 + 1e-6
+    assert radii.std() > 0.01
+
+
+def test_a_mesh_is_wrapped(do, ball):
     files, figures = do("remesh", {"resolution": 16}, mesh=ball)
     mesh = read_mesh(files["mesh"])
     assert figures == {"faces": mesh.n_faces, "components": 1, "notes": []}
 
 
-def test_levels_of_detail(do: Do, ball: Path) -> None:
+def test_levels_of_detail(do, ball):
     files, figures = do("simplify", {"faces": (100, 40)}, mesh=ball)
     assert list(files) == ["lod0", "lod1"]
     assert [read_mesh(path).n_faces for path in files.values()] == [
@@ -73,7 +72,7 @@ def test_levels_of_detail(do: Do, ball: Path) -> None:
     assert figures["levels"][0]["faces"] <= 100 and figures["levels"][1]["faces"] <= 40
 
 
-def test_levels_of_detail_stay_within_an_error(do: Do, ball: Path) -> None:
+def test_levels_of_detail_stay_within_an_error(do, ball):
     files, figures = do("simplify", {"error": "10%"}, mesh=ball)
     assert list(files) == ["lod0"]
     (level,) = figures["levels"]
@@ -83,16 +82,14 @@ def test_levels_of_detail_stay_within_an_error(do: Do, ball: Path) -> None:
 
 
 @pytest.mark.parametrize(("join", "n_objects"), [(False, 2), (True, 0)])
-def test_objects_of_levels_stay_apart_unless_they_are_joined(
-    do: Do, tmp_path: Path, join: bool, n_objects: int
-) -> None:
+def test_objects_of_levels_stay_apart_unless_they_are_joined(do, tmp_path, join, n_objects):
     high = tmp_path / "balls.obj"
     write_mesh(join_meshes([icosphere(3).replace(name=name) for name in ("one", "two")]), high)
     files, _ = do("simplify", {"faces": 200, "join_objects": join}, mesh=high)
     assert len(set(read_mesh(files["lod0"]).group_objects)) == n_objects
 
 
-def test_maps_in_several_formats(do: Do, ball: Path) -> None:
+def test_maps_in_several_formats(do, ball):
     given = {
         "maps": ("normal", "displacement"), "format": {"displacement": "exr"}, "size": 32,
         "padding": 1,
@@ -105,12 +102,12 @@ def test_maps_in_several_formats(do: Do, ball: Path) -> None:
         assert path.read_bytes() == again[name].read_bytes()
 
 
-def test_reports_have_no_times() -> None:
+def test_reports_have_no_times():
     report = {"a": [{"seconds": 1.0, "b": 2}], "stages": [], "options": {"threads": 3, "size": 4}}
     assert without_timings(report) == {"a": [{"b": 2}], "options": {"size": 4}}
 
 
-def test_textures(do: Do, ball: Path, tmp_path: Path) -> None:
+def test_textures(do, ball, tmp_path):
     made, _ = do(
         "bake-texture", {"procedure": "marble", "size": 32, "padding": 1, "samples": 1}, mesh=ball
     )
@@ -131,7 +128,7 @@ def test_textures(do: Do, ball: Path, tmp_path: Path) -> None:
         do("pack-textures", {"meshes": 1}, images=(made["texture"],))
 
 
-def test_channels(do: Do, tmp_path: Path) -> None:
+def test_channels(do, tmp_path):
     values = np.linspace(0.0, 1.0, 64).reshape(8, 8)
     write_image(values, tmp_path / "rough.png", bits=16)
     packed, figures = do("pack-channels", {"blue_value": 0.25}, green=tmp_path / "rough.png")
@@ -148,12 +145,12 @@ def test_channels(do: Do, tmp_path: Path) -> None:
         do("split-channels", {"names": ("", "")}, image=packed["texture"])
 
 
-def test_a_picture(do: Do, ball: Path) -> None:
+def test_a_picture(do, ball):
     files, _ = do("preview", {"width": 64, "height": 48}, mesh=ball)
     assert read_image(files["picture"], color=True).pixels.shape[:2] == (48, 64)
 
 
-def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
+def test_an_asset_for_another_program(do, ball):
     maps, _ = do("bake", {"size": 32, "padding": 1}, high=ball, low=ball)
     far, _ = do("simplify", {"faces": [150, 80], "seams": "keep"}, mesh=ball)
     files, figures = do(
@@ -168,7 +165,7 @@ def test_an_asset_for_another_program(do: Do, ball: Path) -> None:
     np.testing.assert_allclose(theirs[..., 1], 1.0 - ours[..., 1], atol=2 / 255)
 
 
-def test_a_page_of_files(do: Do, ball: Path) -> None:
+def test_a_page_of_files(do, ball):
     given = {"maps": ("normal", "displacement"), "size": 32, "padding": 1}
     maps, _ = do("bake", given, high=ball, low=ball)
     files, figures = do(
@@ -184,7 +181,7 @@ def test_a_page_of_files(do: Do, ball: Path) -> None:
     assert 'id="errors"' not in bare["page"].read_text() and figures == {}
 
 
-def test_limits(do: Do, ball: Path, tmp_path: Path) -> None:
+def test_limits(do, ball, tmp_path):
     _, figures = do("check", {"fail_on": "never", "max_faces": 224}, mesh=ball)
     assert figures["stretch_l2"] > 1.0
     with pytest.raises(MeshError, match="224 triangles are more than max_faces, 223"):

@@ -1,28 +1,36 @@
 """Saved files are built again, once they are complete."""
 
-from pathlib import Path
-from typing import Any
+import pytest
 
 from texbake.building import build as module
 from texbake.building.build import watch
 from texbake.building.report import BuildResult
-from texbake.errors import TexbakeError
+from texbake.mesh.files import write_mesh
+from texbake.mesh.shapes import uv_sphere
+
+STEPS = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
 
 
-def test_saved_files_are_built_again(write: Any, inline: Any, monkeypatch: Any) -> None:
-    crew = inline()
-    monkeypatch.setattr(module, "local_workers", lambda options: crew)
-    path: Path = write()
+@pytest.fixture(autouse=True)
+def crew(inline, monkeypatch):
+    """The workers of every build, in this process."""
+    made = inline()
+    monkeypatch.setattr(module, "local_workers", lambda options: made)
+    return made
+
+
+def test_saved_files_are_built_again(write, crew):
+    path = write()
     text = path.read_text()
     edits = [
         text.replace("padding = 1", "padding = 2"),
         text.replace("padding = 1", "paddng = 2"),  # a typing error, which is reported
         text.replace("radius = 2.0", "radius = 2.5"),
     ]
-    seen: list[Any] = []
-    counts: list[int] = []
+    seen = []
+    counts = []
 
-    def built(result: BuildResult | TexbakeError) -> None:
+    def built(result):
         seen.append(result)
         counts.append(len(crew.tasks))
         if edits:
@@ -36,19 +44,11 @@ def test_saved_files_are_built_again(write: Any, inline: Any, monkeypatch: Any) 
     assert counts == [6, 8, 8, 11]
 
 
-def test_an_input_that_is_still_being_written_is_waited_for(
-    write: Any, inline: Any, monkeypatch: Any, tmp_path: Path
-) -> None:
-    from texbake.mesh.files import write_mesh
-    from texbake.mesh.shapes import uv_sphere
-
-    crew = inline()
-    monkeypatch.setattr(module, "local_workers", lambda options: crew)
+def test_an_input_that_is_still_being_written_is_waited_for(write, monkeypatch, tmp_path):
     write_mesh(uv_sphere(4, 8), tmp_path / "a.ply")
     whole = (tmp_path / "a.ply").read_bytes()
-    steps = '[steps.r]\ndo = "repair"\nmesh = "high"\n'
-    path = write('[[assets]]\ninputs.high = "*.ply"\n', steps)
-    seen: list[BuildResult | TexbakeError] = []
+    path = write('[[assets]]\ninputs.high = "*.ply"\n', STEPS)
+    seen = []
     pieces = [whole[:100], whole[:200], whole[:300], whole + b""]
     monkeypatch.setattr(
         module.time,
@@ -59,18 +59,11 @@ def test_an_input_that_is_still_being_written_is_waited_for(
     assert all(isinstance(result, BuildResult) and result.ok for result in seen)
 
 
-def test_a_file_that_is_saved_without_a_pause_is_built(
-    write: Any, inline: Any, monkeypatch: Any, tmp_path: Path
-) -> None:
-    from texbake.mesh.files import write_mesh
-    from texbake.mesh.shapes import uv_sphere
-
-    crew = inline()
-    monkeypatch.setattr(module, "local_workers", lambda options: crew)
-    path = write('[[assets]]\ninputs.high = "a.ply"\n', '[steps.r]\ndo = "repair"\nmesh = "high"\n')
+def test_a_file_that_is_saved_without_a_pause_is_built(write, monkeypatch, tmp_path):
+    path = write('[[assets]]\ninputs.high = "a.ply"\n', STEPS)
     saves = 0
 
-    def save(seconds: float = 0.0) -> None:
+    def save(seconds=0.0):
         nonlocal saves
         saves += 1
         write_mesh(
@@ -79,7 +72,7 @@ def test_a_file_that_is_saved_without_a_pause_is_built(
 
     save()
     monkeypatch.setattr(module.time, "sleep", save)
-    seen: list[BuildResult | TexbakeError] = []
+    seen = []
     watch(path, built=seen.append, until=lambda: len(seen) == 3 or saves > 100)
     assert all(isinstance(result, BuildResult) and result.ok for result in seen)
     assert len(seen) == 3

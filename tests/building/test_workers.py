@@ -8,10 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -20,13 +17,12 @@ from texbake.building import resolve
 from texbake.building.build import build
 from texbake.building.digests import checksum
 from texbake.building.options import BuildOptions
-from texbake.building.progress import BuildEvent, EtaEstimator
+from texbake.building.progress import EtaEstimator
 from texbake.building.resolve import size_by_length, size_of
 from texbake.building.steps import STEP_KINDS
-from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
+from texbake.building.task import Task, memory_advice, run_task
 from texbake.building.workers import LocalWorkers
 
-Workers = Callable[[int], LocalWorkers]
 # Long enough to be met in the middle by whoever kills.
 SLOW = """
 [steps.slow]
@@ -37,7 +33,7 @@ output = "{asset}.ply"
 """
 
 
-def orange_task(tmp_path: Path, number: int, triangles: int) -> Task:
+def orange_task(tmp_path, number, triangles):
     kind = STEP_KINDS["make"]
     ingredients = {"number": number}
     return Task(
@@ -54,18 +50,18 @@ def orange_task(tmp_path: Path, number: int, triangles: int) -> Task:
     )
 
 
-def wait_for(condition: Callable[[], object]) -> None:
+def wait_for(condition):
     deadline = time.monotonic() + 60
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.005)
 
 
-def test_a_killed_worker_is_replaced_and_its_step_done(workers: Workers, write: Any) -> None:
+def test_a_killed_worker_is_replaced_and_its_step_done(workers, write):
     crew = workers(2)
-    killed: list[int] = []
+    killed = []
 
-    def kill(event: BuildEvent) -> None:
+    def kill(event):
         if event.state == "running" and event.asset == "a" and not killed:
             wait_for(lambda: crew.process_ids)
             time.sleep(0.3)
@@ -84,13 +80,11 @@ def test_a_killed_worker_is_replaced_and_its_step_done(workers: Workers, write: 
     assert killed[0] not in crew.process_ids
 
 
-def test_a_step_whose_workers_are_killed_twice_fails_and_others_go_on(
-    workers: Workers, tmp_path: Path
-) -> None:
+def test_a_step_whose_workers_are_killed_twice_fails_and_others_go_on(workers, tmp_path):
     crew = workers(1)
     crew.submit(1, orange_task(tmp_path, 1, 5_000_000))
     crew.submit(2, orange_task(tmp_path, 2, 1_000))
-    killed: set[int] = set()
+    killed = set()
     for _ in range(2):
         wait_for(lambda: set(crew.process_ids) - killed)
         (worker,) = set(crew.process_ids) - killed
@@ -103,7 +97,7 @@ def test_a_step_whose_workers_are_killed_twice_fails_and_others_go_on(
     assert outcomes[2].manifest is not None
 
 
-def test_workers_end_with_their_build(tmp_path: Path) -> None:
+def test_workers_end_with_their_build(tmp_path):
     crew = LocalWorkers(1, 1)
     crew.submit(1, orange_task(tmp_path, 1, 5_000_000))
     wait_for(lambda: crew.process_ids)
@@ -113,14 +107,14 @@ def test_workers_end_with_their_build(tmp_path: Path) -> None:
         os.kill(worker, 0)
 
 
-def test_a_worker_with_another_version_is_refused(tmp_path: Path) -> None:
+def test_a_worker_with_another_version_is_refused(tmp_path):
     task = orange_task(tmp_path, 1, 1000)
     outcome = run_task(replace(task, version="9.9"))
     assert outcome.manifest is None
     assert "this build 9.9; install the same there" in outcome.error
 
 
-def test_a_task_that_was_done_is_not_done_again(tmp_path: Path) -> None:
+def test_a_task_that_was_done_is_not_done_again(tmp_path):
     task = orange_task(tmp_path, 1, 1000)
     first = run_task(task)
     file = next((tmp_path / "store").rglob("mesh.ply"))
@@ -130,9 +124,9 @@ def test_a_task_that_was_done_is_not_done_again(tmp_path: Path) -> None:
     assert file.stat() == written
 
 
-def test_two_workers_at_one_task_agree(tmp_path: Path) -> None:
+def test_two_workers_at_one_task_agree(tmp_path):
     task = orange_task(tmp_path, 1, 50_000)
-    outcomes: list[TaskOutcome] = []
+    outcomes = []
     threads = [threading.Thread(target=lambda: outcomes.append(run_task(task))) for _ in range(4)]
     for thread in threads:
         thread.start()
@@ -143,7 +137,7 @@ def test_two_workers_at_one_task_agree(tmp_path: Path) -> None:
     assert list((tmp_path / "store" / "tmp").iterdir()) == []
 
 
-def test_steps_share_the_memory(write: Any, inline: Any) -> None:
+def test_steps_share_the_memory(write, inline):
     assets = "".join(f'[[assets]]\nname = "{n}"\noptions.slow.triangles = {1000 + n}\n'
                      for n in range(6))  # fmt: skip
     path = write(assets, SLOW)
@@ -158,7 +152,7 @@ def test_steps_share_the_memory(write: Any, inline: Any) -> None:
         assert crew.most_at_once == most
 
 
-def test_triangles_are_counted_without_reading_a_mesh(tmp_path: Path) -> None:
+def test_triangles_are_counted_without_reading_a_mesh(tmp_path):
     assert run_task(orange_task(tmp_path, 1, 2000)).manifest is not None
     size = size_of(next((tmp_path / "store").rglob("mesh.ply")))
     assert size.n_faces == 2000
@@ -168,7 +162,7 @@ def test_triangles_are_counted_without_reading_a_mesh(tmp_path: Path) -> None:
     assert STEP_KINDS["bake"].memory(settings, {"high": (size,)}) > PROCESS + 2000 * TREE_FACE
 
 
-def test_the_time_left_is_that_of_steps_of_the_same_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_left_is_that_of_steps_of_the_same_kind(monkeypatch):
     now = 0.0
     monkeypatch.setattr(time, "perf_counter", lambda: now)
     kinds = {(name, "b"): "bake" for name in "abcd"} | {(name, "u"): "unwrap" for name in "abc"}
@@ -189,9 +183,7 @@ def test_the_time_left_is_that_of_steps_of_the_same_kind(monkeypatch: pytest.Mon
     assert eta.seconds_left() == (3 * 6.0 + 1 * 2.0 - 2.0) / 2
 
 
-def test_a_worker_that_cannot_be_started_fails_its_step(
-    tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_worker_that_cannot_be_started_fails_its_step(tmp_path, workers, monkeypatch):
     monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
     crew = workers(1)
     for number in range(2):  # the thread goes on
@@ -201,9 +193,7 @@ def test_a_worker_that_cannot_be_started_fails_its_step(
         assert "no worker can be started: No such file" in outcome.error
 
 
-def test_an_invalid_answer_fails_its_step(
-    tmp_path: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_invalid_answer_fails_its_step(tmp_path, workers, monkeypatch):
     babbler = tmp_path / "babbler"
     babbler.write_text("#!/bin/sh\necho not JSON\nexec sleep 60\n")
     babbler.chmod(0o755)
@@ -222,7 +212,7 @@ GB = 1 << 30
 COMMAND = [sys.executable, "-P", "-c", "from texbake_cli import run; run()"]
 
 
-def limited(n_bytes: int, kind: int = resource.RLIMIT_AS) -> Callable[[], None]:
+def limited(n_bytes, kind=resource.RLIMIT_AS):
     return lambda: resource.setrlimit(kind, (n_bytes, n_bytes))
 
 
@@ -236,9 +226,7 @@ def limited(n_bytes: int, kind: int = resource.RLIMIT_AS) -> Callable[[], None]:
         ("1:cpu:/a", {"a/memory.max": f"{GB}", "memory.max": f"{GB}"}, []),
     ],
 )
-def test_limits_of_control_groups(
-    tmp_path: Path, line: str, files: dict[str, str], limits: list[int]
-) -> None:
+def test_limits_of_control_groups(tmp_path, line, files, limits):
     groups = tmp_path / "cgroup"
     groups.write_text(f"12:pids:/x\n{line}\n")
     for name, text in files.items():
@@ -248,8 +236,8 @@ def test_limits_of_control_groups(
     assert resolve._group_limits(tmp_path / "none", tmp_path) == []
 
 
-def test_advice_says_whether_fewer_jobs_would_help() -> None:
-    values: dict[str, Any] = {
+def test_advice_says_whether_fewer_jobs_would_help():
+    values = {
         "asset": "a", "step": "s", "kind": "make", "settings": {}, "inputs": {}, "outputs": {},
         "key": "", "ingredients": {}, "store": "", "threads": 1, "memory_bytes": 5 * GB,
     }  # fmt: skip
@@ -259,7 +247,7 @@ def test_advice_says_whether_fewer_jobs_would_help() -> None:
     assert "5.0 GB, of the 3.0 GB that this build may use" in most and "jobs" not in most
 
 
-def test_a_step_that_does_not_fit_fails_with_one_line(write: Any, tmp_path: Path) -> None:
+def test_a_step_that_does_not_fit_fails_with_one_line(write, tmp_path):
     assets = "".join(f'[[assets]]\nname = "{name}"\noptions.ball.triangles = {n}\n'
                      for name, n in (("large", 20_000_000), ("small", 1000)))  # fmt: skip
     steps = '[steps.ball]\ndo = "make"\nshape = "orange"\noutput = "{asset}.ply"\n'

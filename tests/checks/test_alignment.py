@@ -13,19 +13,18 @@ from texbake.jobs.maps import bake_files
 from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.verbs.cage import cage_file
 
 SIDES = np.array([1.0, 0.7, 0.4])
 
 
-def high() -> Mesh:
+def high():
     sphere = uv_sphere(60, 120, lambda a, b: 1 + 0.02 * np.sin(40 * a) * np.sin(30 * b))
     return sphere.replace(positions=sphere.positions * SIDES)
 
 
-def low(scale=1.0, move=(0.0, 0.0, 0.0), axes=((1, 0, 0), (0, 1, 0), (0, 0, 1))) -> Mesh:
+def low(scale=1.0, move=(0.0, 0.0, 0.0), axes=((1, 0, 0), (0, 1, 0), (0, 0, 1))):
     sphere = uv_sphere(12, 24)
     moved = scale * sphere.positions * SIDES @ np.array(axes, dtype=float).T + np.array(move)
     return sphere.replace(positions=moved)

@@ -12,18 +12,18 @@ from texbake.mesh.shapes import plane
 from texbake.texture.padding import nearest_owner
 
 
-def checked(mesh: Mesh, size: int = 128, padding: int = 4) -> CheckedMesh:
+def checked(mesh, size=128, padding=4):
     return CheckedMesh(mesh, "low", CheckOptions(size=size, padding=padding))
 
 
 @pytest.mark.parametrize(("width", "length"), [(3, 100), (3, 3), (50, 100), (0.01, 120)])
-def test_width_of_a_rectangle_is_its_width(width: float, length: float) -> None:
+def test_width_of_a_rectangle_is_its_width(width, length):
     uvs = plane(7, 3).uvs * [width / 128, length / 128]
     (found,) = chart_widths(checked(plane(7, 3).replace(uvs=uvs)))
     assert found == pytest.approx(width, rel=1e-9)  # a root of numbers near 1e5, in float64
 
 
-def test_width_of_a_disk_and_of_a_ring() -> None:
+def test_width_of_a_disk_and_of_a_ring():
     n = 200
     angle = np.arange(n) * 2.0 * np.pi / n
     rim = 0.5 + 0.25 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -44,7 +44,7 @@ def test_width_of_a_disk_and_of_a_ring() -> None:
 
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 6))
-def test_pairs_are_found_just_where_padding_meets(seed: int, padding: int) -> None:
+def test_pairs_are_found_just_where_padding_meets(seed, padding):
     """Charts of a few texels at random places, against every texel and every owner."""
     random = np.random.default_rng(seed)
     owners = np.full((24, 24), -1, dtype=np.int32)

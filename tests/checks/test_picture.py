@@ -1,7 +1,5 @@
 """Pictures show the faces of a finding, where they are, and no others."""
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
@@ -10,15 +8,14 @@ from texbake.checks.picture import COLORS
 from texbake.errors import OptionError, UvError
 from texbake.jobs.side_pictures import render_findings
 from texbake.mapping.layout_view import linear
-from texbake.mesh.mesh import Mesh
 
 
-def share_of(picture: np.ndarray, severity: str) -> np.ndarray:
+def share_of(picture, severity):
     """(H, W) bool: pixels of the color of a severity."""
     return np.abs(picture - linear(COLORS[severity])).max(axis=2) < 1e-6
 
 
-def test_faces_are_colored_where_they_lie(case_of: Callable) -> None:
+def test_faces_are_colored_where_they_lie(case_of):
     case = case_of("mirrored-coordinates")  # one of two squares of 0.2 x 0.2
     picture = check(case.mesh, options=case.options).picture(500)
     rows, columns = np.nonzero(share_of(picture, "warning"))
@@ -31,13 +28,13 @@ def test_faces_are_colored_where_they_lie(case_of: Callable) -> None:
     assert 0.95 * 100 * 100 < below.sum() <= 100 * 100
 
 
-def test_a_face_too_small_to_be_seen_gets_a_dot(case_of: Callable) -> None:
+def test_a_face_too_small_to_be_seen_gets_a_dot(case_of):
     case = case_of("faces-without-texel")
     picture = check(case.mesh, options=case.options).picture(200)
     assert share_of(picture[40:], "note").sum() >= 9
 
 
-def test_nothing_found_is_a_layout_alone(clean: tuple[Mesh, Mesh | None]) -> None:
+def test_nothing_found_is_a_layout_alone(clean):
     report = check(*clean)
     if report.low is None:
         with pytest.raises(UvError, match="no low-poly mesh"):
@@ -46,7 +43,7 @@ def test_nothing_found_is_a_layout_alone(clean: tuple[Mesh, Mesh | None]) -> Non
         assert not share_of(report.picture(64), "error").any()
 
 
-def test_sides_show_the_faces_in_space(case_of: Callable) -> None:
+def test_sides_show_the_faces_in_space(case_of):
     case = case_of("inconsistent-winding")
     picture = render_findings(check(case.mesh, options=case.options))
     # One face of twenty is red, and it is seen from some side.
@@ -54,6 +51,6 @@ def test_sides_show_the_faces_in_space(case_of: Callable) -> None:
     assert 100 < red.sum() < 0.1 * red.size
 
 
-def test_nothing_to_see_from_any_side(case_of: Callable) -> None:
+def test_nothing_to_see_from_any_side(case_of):
     with pytest.raises(OptionError, match="nothing to draw"):
         render_findings(check(case_of("no-normals").mesh))

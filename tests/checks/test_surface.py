@@ -16,25 +16,25 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 
-def crossed(mesh: Mesh) -> list[bool]:
+def crossed(mesh):
     others, unsure = crossed_by(CheckedMesh(mesh, "high", CheckOptions()))
     assert not unsure.any()
     return (others >= 0).tolist()
 
 
-def cross(a: list, b: list) -> list:
+def cross(a, b):
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def dot(a: list, b: list) -> Fraction:
+def dot(a, b):
     return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
 
 
-def minus(a: list, b: list) -> list:
+def minus(a, b):
     return [x - y for x, y in zip(a, b, strict=True)]
 
 
-def exactly_crosses(one: list, other: list) -> bool:
+def exactly_crosses(one, other):
     """Whether the insides of two triangles in different planes have a line in common."""
     normals = [cross(minus(t[1], t[0]), minus(t[2], t[0])) for t in (one, other)]
     along = cross(*normals)
@@ -55,7 +55,7 @@ def exactly_crosses(one: list, other: list) -> bool:
 
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 9))
-def test_agrees_with_exact_fractions(seed: int, side: int) -> None:
+def test_agrees_with_exact_fractions(seed, side):
     """On a coarse lattice, where corners lie on faces and edges on edges as often as not."""
     random = np.random.default_rng(seed)
     points = random.integers(0, side, (9, 3)).astype(float)
@@ -69,12 +69,12 @@ def test_agrees_with_exact_fractions(seed: int, side: int) -> None:
 
 
 @pytest.mark.parametrize("mesh", [cube(), icosphere(3), plane(9, 7)])
-def test_neighbors_and_copies_do_not_cross(mesh: Mesh) -> None:
+def test_neighbors_and_copies_do_not_cross(mesh):
     assert not any(crossed(mesh))
     assert not any(crossed(join_meshes([mesh, mesh])))
 
 
-def test_parts_that_stand_on_one_another_do_not_cross() -> None:
+def test_parts_that_stand_on_one_another_do_not_cross():
     box = cube()
     upper = box.replace(positions=box.positions * 0.3 + [0.1, 0.1, 0.65])
     assert not any(crossed(join_meshes([box, upper])))
@@ -85,7 +85,7 @@ def test_parts_that_stand_on_one_another_do_not_cross() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-310, 1e-12, 1.0, 1e12, 1e300])
-def test_a_box_through_the_top_of_another(scale: float) -> None:
+def test_a_box_through_the_top_of_another(scale):
     """Its four sides cross the two faces of the top, each its half of them."""
     box = cube()
     upper = box.replace(positions=box.positions * 0.25 + [0.01, 0.02, 0.5])
@@ -98,7 +98,7 @@ def test_a_box_through_the_top_of_another(scale: float) -> None:
     assert found[12:] == sides.tolist()
 
 
-def test_a_thousand_sheets_through_one_another_are_found_quickly() -> None:
+def test_a_thousand_sheets_through_one_another_are_found_quickly():
     angles = np.arange(1000) * np.pi / 1000
     up = np.array([0.0, 0.0, 1.0])
     ways = np.stack([np.cos(angles), np.sin(angles), np.zeros(1000)], axis=1)
@@ -111,15 +111,15 @@ def test_a_thousand_sheets_through_one_another_are_found_quickly() -> None:
 
 
 @pytest.fixture
-def few_pairs(monkeypatch: pytest.MonkeyPatch) -> None:
+def few_pairs(monkeypatch):
     """Faces are given up after those of one leaf of the tree."""
     monkeypatch.setattr(surface, "_MAX_PAIRS", 0)
     monkeypatch.setattr(surface, "_MIN_PAIRS_PER_FACE", 1)
 
 
 def test_undecided_faces_are_reported_where_none_is_crossed(
-    few_pairs: None,
-) -> None:
+    few_pairs,
+):
     """Each face of a sphere touches its neighbors, of more than one leaf; none crosses another."""
     mesh = icosphere(3)
     report = check(mesh)
@@ -132,8 +132,8 @@ def test_undecided_faces_are_reported_where_none_is_crossed(
 
 
 def test_undecided_faces_are_reported_beside_crossed_ones(
-    few_pairs: None,
-) -> None:
+    few_pairs,
+):
     """Two spheres through one another, and what of it the first leaf of each face shows."""
     ball = icosphere(3)
     other = ball.replace(positions=ball.positions + np.array([1.0, 0.1, 0.2]))
@@ -143,5 +143,5 @@ def test_undecided_faces_are_reported_beside_crossed_ones(
     assert report.finding("undecided-intersections") is None
 
 
-def test_nothing_is_given_up_in_common_meshes() -> None:
+def test_nothing_is_given_up_in_common_meshes():
     assert check(icosphere(4)).finding("undecided-intersections") is None

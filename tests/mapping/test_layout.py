@@ -8,7 +8,7 @@ import pytest
 from texbake.core import core
 from texbake.errors import UvError
 from texbake.mapping.layout import SAMPLES, draw_layout
-from texbake.mapping.layout_view import UNMEASURED, Tile, face_colors
+from texbake.mapping.layout_view import UNMEASURED, Tile, face_colors, text_coverage
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.oklch import diverging
 from texbake.mesh.shapes import cube, plane
@@ -229,3 +229,13 @@ def test_heat_of_a_mesh_whose_areas_cannot_be_computed_is_that_of_faces_without_
     huge = mesh.replace(positions=mesh.positions * 1e300)
     colors = face_colors(huge, np.zeros(huge.n_faces, np.int32), 32, heat=True)
     np.testing.assert_array_equal(colors, np.tile(UNMEASURED, (huge.n_faces, 1)))
+
+
+def test_a_line_is_cropped_to_its_ink() -> None:
+    ink = text_coverage("1001", 32)
+    assert ink.dtype == np.float32
+    assert (ink.min(), ink.max()) == (0.0, 1.0)
+    for border in ink[0], ink[-1], ink[:, 0], ink[:, -1]:
+        assert border.max() > 0.0
+    assert 16 < len(ink) < 32  # a digit is about 3/4 of the size
+    assert ink.shape[1] > ink.shape[0]

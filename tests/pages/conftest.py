@@ -12,7 +12,6 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -20,8 +19,6 @@ from PIL import Image
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.baking.result import BakeResult
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.pages.asset_page import write_bake_page
 
@@ -37,11 +34,11 @@ FLAGS = (
 class Browser:
     """The DevTools protocol over file descriptors 3 and 4: JSON, each message ended by a 0."""
 
-    def __init__(self, program: str, profile: str) -> None:
+    def __init__(self, program, profile):
         to_browser, self._out = os.pipe()
         self._in, from_browser = os.pipe()
 
-        def hand_over() -> None:
+        def hand_over():
             # Not below 5, so that neither is overwritten before it is copied.
             fds = [os.dup(fd) for fd in (to_browser, from_browser, to_browser, from_browser)][2:]
             os.dup2(fds[0], 3)
@@ -55,9 +52,9 @@ class Browser:
         os.close(to_browser)
         os.close(from_browser)
         self._ids = itertools.count(1)
-        self._messages: queue.Queue = queue.Queue()
+        self._messages = queue.Queue()
         threading.Thread(target=self._read, daemon=True).start()
-        self._events: list = []
+        self._events = []
         found = self.call("Target.getTargets")["targetInfos"]
         target = next(item["targetId"] for item in found if item["type"] == "page")
         self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)[
@@ -69,14 +66,14 @@ class Browser:
 
     _session = None
 
-    def _read(self) -> None:
+    def _read(self):
         left = b""
         while data := os.read(self._in, 1 << 16):
             *whole, left = (left + data).split(b"\0")
             for message in whole:
                 self._messages.put(json.loads(message))
 
-    def call(self, method: str, **params: object) -> dict:
+    def call(self, method, **params):
         """Send a command and return its answer; events that come before are kept."""
         number = next(self._ids)
         message = {"id": number, "method": method, "params": params}
@@ -92,7 +89,7 @@ class Browser:
                 return answer["result"]
             self._events.append(answer)
 
-    def value(self, expression: str) -> object:
+    def value(self, expression):
         """Value of an expression in the page, awaited if it is a promise."""
         found = self.call(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
@@ -100,14 +97,14 @@ class Browser:
         assert "exceptionDetails" not in found, found["exceptionDetails"]
         return found["result"].get("value")
 
-    def wait(self, condition: str) -> None:
+    def wait(self, condition):
         """Wait until an expression is true in the page."""
         end = time.monotonic() + TIMEOUT
         while not self.value(condition):
             assert time.monotonic() < end, f"{condition} did not become true"
             time.sleep(0.02)
 
-    def open(self, path, *, width: int = 1280, height: int = 900, dark: bool = False) -> None:
+    def open(self, path, *, width=1280, height=900, dark=False):
         """Open a file in a window of a size, and forget what was logged before."""
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height,
@@ -121,13 +118,13 @@ class Browser:
         self.call("Page.navigate", url=path.as_uri())
         self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
 
-    def settle(self) -> None:
+    def settle(self):
         """Wait until two frames were drawn."""
         self.value(
             "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))"
         )
 
-    def picture(self, selector: str | None = None) -> np.ndarray:
+    def picture(self, selector=None):
         """(H, W, 3) uint8: the page, or one element of it, as the screen would show it."""
         self.settle()
         clip = {}
@@ -140,7 +137,7 @@ class Browser:
         found = self.call("Page.captureScreenshot", captureBeyondViewport=True, **clip)
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(found["data"]))).convert("RGB"))
 
-    def set(self, selector: str, value: object) -> None:
+    def set(self, selector, value):
         """Give a control a value as a reader does."""
         self.value(
             f"(() => {{ const c = document.querySelector({selector!r});"
@@ -149,19 +146,19 @@ class Browser:
             "c.dispatchEvent(new Event('input', { bubbles: true })); })()"
         )
 
-    def picture_with(self, selector: str, law: Callable[[np.ndarray], bool]) -> np.ndarray:
+    def picture_with(self, selector, law):
         """The picture of an element as soon as a law holds for it: a frame may come late."""
         end = time.monotonic() + TIMEOUT
         while not law(shown := self.picture(selector)):
             assert time.monotonic() < end, f"{selector} does not show it"
         return shown
 
-    def press(self, key: str, **more: object) -> None:
+    def press(self, key, **more):
         """Press a key on what has the focus."""
         for kind in "keyDown", "keyUp":
             self.call("Input.dispatchKeyEvent", type=kind, key=key, **more)
 
-    def complaints(self) -> list:
+    def complaints(self):
         """What the page logged, what failed in it, and what it wanted from elsewhere."""
         self.settle()
         found = []
@@ -182,7 +179,7 @@ class Browser:
                     found.append(url)
         return found
 
-    def close(self) -> None:
+    def close(self):
         """End Chromium, which starts through a shell script, with its helpers."""
         os.killpg(self.process.pid, signal.SIGTERM)
         self.process.wait()
@@ -202,10 +199,10 @@ def browser():
 
 
 @pytest.fixture(scope="session")
-def pair() -> tuple[Mesh, Mesh]:
+def pair():
     """A rough sphere, and a smooth one with texture coordinates."""
 
-    def radius_at(theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    def radius_at(theta, phi):
         return 1.0 + 0.02 * np.sin(8 * theta) * np.sin(8 * phi)
 
     high = grid_sphere(58, 100, radius_at).replace(name="high.ply")
@@ -213,7 +210,7 @@ def pair() -> tuple[Mesh, Mesh]:
 
 
 @pytest.fixture(scope="session")
-def baked(pair: tuple[Mesh, Mesh]) -> BakeResult:
+def baked(pair):
     """Of the pair, with rays so short that some of them miss."""
     return bake(*pair, BakeOptions(maps=("normal", "displacement"), size=96, front=0.05, back=0.03))
 

@@ -22,7 +22,7 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def rows_of(n_rows: int) -> list[BuildRow]:
+def rows_of(n_rows):
     rng = np.random.default_rng(n_rows)
     picture = thumbnail(rng.random((96, 128, 3), np.float32))
     rows = []
@@ -47,7 +47,7 @@ def rows_of(n_rows: int) -> list[BuildRow]:
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[BuildRow]:
+def rows():
     return rows_of(60)
 
 
@@ -58,7 +58,7 @@ def overview(rows, tmp_path_factory):
     return path
 
 
-def expected(rows: list[BuildRow], field: str, *, falls: bool) -> list[str]:
+def expected(rows, field, *, falls):
     """Unknown values last, equal ones as they were."""
     there = [row for row in rows if getattr(row, field) is not None]
     there.sort(key=lambda row: -getattr(row, field) if falls else getattr(row, field))
@@ -67,9 +67,7 @@ def expected(rows: list[BuildRow], field: str, *, falls: bool) -> list[str]:
 
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("dark", [False, True])
-def test_it_shows_every_asset_and_asks_for_nothing(
-    browser, overview, rows, width: int, dark: bool
-) -> None:
+def test_it_shows_every_asset_and_asks_for_nothing(browser, overview, rows, width, dark):
     browser.open(overview, width=width, dark=dark)
     browser.wait(READY)
     assert browser.value(SHOWN) == [row.name for row in rows]
@@ -83,7 +81,7 @@ def test_it_shows_every_asset_and_asks_for_nothing(
 
 
 @pytest.mark.parametrize("column", COLUMNS)
-def test_columns_sort_both_ways(browser, overview, rows, column: str) -> None:
+def test_columns_sort_both_ways(browser, overview, rows, column):
     browser.open(overview)
     browser.wait(READY)
     button = f"document.querySelector('[data-column={column}]')"
@@ -94,12 +92,12 @@ def test_columns_sort_both_ways(browser, overview, rows, column: str) -> None:
     assert browser.value("document.querySelectorAll('[aria-sort]').length") == 1
 
 
-def test_names_sort_as_people_do_and_failures_come_first(browser, overview, rows) -> None:
+def test_names_sort_as_people_do_and_failures_come_first(browser, overview, rows):
     browser.open(overview)
     browser.wait(READY)
     browser.value("document.querySelector('[data-column=name]').click()")
 
-    def key(row: BuildRow) -> tuple[str, int]:
+    def key(row):
         word, number = row.name.lower().replace("ü", "u").rsplit("_", 1)
         return word, int(number)
 
@@ -109,7 +107,7 @@ def test_names_sort_as_people_do_and_failures_come_first(browser, overview, rows
     assert shown == sorted(shown, key=["failed", "skipped", "built", "kept"].index)
 
 
-def test_a_phone_sorts_by_a_list(browser, overview, rows) -> None:
+def test_a_phone_sorts_by_a_list(browser, overview, rows):
     browser.open(overview, width=390)
     browser.wait(READY)
     assert browser.value("document.querySelector('[name=order]').checkVisibility()")
@@ -119,7 +117,7 @@ def test_a_phone_sorts_by_a_list(browser, overview, rows) -> None:
     assert browser.value(SHOWN) == [row.name for row in rows]
 
 
-def test_rows_are_found_by_name_message_and_status(browser, overview, rows) -> None:
+def test_rows_are_found_by_name_message_and_status(browser, overview, rows):
     browser.open(overview)
     browser.wait(READY)
     browser.set("[name=find]", "BARREL")
@@ -132,14 +130,14 @@ def test_rows_are_found_by_name_message_and_status(browser, overview, rows) -> N
     assert browser.value(SHOWN) == [row.name for row in rows if row.status == "failed"]
 
 
-def test_links_lead_to_the_pages_of_assets(overview, rows) -> None:
+def test_links_lead_to_the_pages_of_assets(overview, rows):
     found = re.findall(r'<a href="([^"]*)"', overview.read_text(encoding="utf-8"))
     assert found == [
         row.page.replace(" ", "%20").replace("#", "%23") for row in rows if row.page is not None
     ]
 
 
-def test_two_thousand_assets_are_quick(browser, tmp_path) -> None:
+def test_two_thousand_assets_are_quick(browser, tmp_path):
     write_build_page(tmp_path / "many.html", rows_of(2000))
     assert (tmp_path / "many.html").stat().st_size < 15_000_000
     browser.open(tmp_path / "many.html")
@@ -159,7 +157,7 @@ def test_two_thousand_assets_are_quick(browser, tmp_path) -> None:
     assert browser.complaints() == []
 
 
-def test_thumbnails_are_small_squares(tmp_path) -> None:
+def test_thumbnails_are_small_squares(tmp_path):
     wide = np.zeros((100, 300, 3), np.float32)
     wide[:, 100:200] = 1.0  # the middle is white, the rest would be black
     write_image(wide, tmp_path / "wide.png", color=True)
@@ -171,7 +169,7 @@ def test_thumbnails_are_small_squares(tmp_path) -> None:
         assert len(data) < 4000
 
 
-def test_too_many_thumbnails_leave_the_worst(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_too_many_thumbnails_leave_the_worst(monkeypatch, tmp_path):
     picture = thumbnail(np.zeros((8, 8, 3), np.float32))
     monkeypatch.setattr(build_page, "MOST_THUMBNAIL_BYTES", 2 * len(picture))
     rows = [
@@ -186,7 +184,7 @@ def test_too_many_thumbnails_leave_the_worst(monkeypatch: pytest.MonkeyPatch, tm
     assert "pictures of the best 1 are left out" in text
 
 
-def test_a_build_of_nothing(browser, tmp_path) -> None:
+def test_a_build_of_nothing(browser, tmp_path):
     write_build_page(tmp_path / "none.html", [])
     browser.open(tmp_path / "none.html")
     browser.wait(READY)

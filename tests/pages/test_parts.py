@@ -23,13 +23,13 @@ from texbake.pages.plots import histogram_svg, ticks
 from texbake.texture.image import write_image
 
 
-def pixels_of(uri: str) -> np.ndarray:
+def pixels_of(uri):
     kind, _, data = uri.partition(";base64,")
     assert kind == "data:image/png"
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGBA"))
 
 
-def test_a_page_lets_only_its_own_scripts_run() -> None:
+def test_a_page_lets_only_its_own_scripts_run():
     page = page_html(
         "a < b", Markup("<p>x</p>"), scripts=["let a = 1;", "a + 'ü'"], data={"d": "1"}
     )
@@ -46,17 +46,17 @@ def test_a_page_lets_only_its_own_scripts_run() -> None:
     assert "script-src 'none'" in page_html("", Markup())
 
 
-def test_a_page_without_a_dark_scheme_has_none() -> None:
+def test_a_page_without_a_dark_scheme_has_none():
     assert "prefers-color-scheme" in page_html("", Markup())
     assert "prefers-color-scheme" not in page_html("", Markup(), dark=False)
 
 
 @pytest.mark.parametrize("text", ["<", "</script>", "<!--<script>", "\\<", "a\u2028<"])
-def test_no_text_ends_the_block_that_it_stands_in(text: str) -> None:
+def test_no_text_ends_the_block_that_it_stands_in(text):
     assert "<" not in as_json({"name": text})
 
 
-def test_three_js_is_whole_and_has_its_license() -> None:
+def test_three_js_is_whole_and_has_its_license():
     source = asset("three.min.js")
     assert "SPDX-License-Identifier: MIT" in source[:200]
     assert "Three.js Authors" in source[:200]
@@ -66,7 +66,7 @@ def test_three_js_is_whole_and_has_its_license() -> None:
     assert (Path(page.__file__).parent / "assets" / "three.LICENSE.txt").is_file()
 
 
-def test_pictures_of_a_bake_are_its_codes(baked) -> None:
+def test_pictures_of_a_bake_are_its_codes(baked):
     pictures = {picture.name: picture for picture in baked_pictures(baked, {"normal": "Hm."})}
     shown = pixels_of(pictures["normal"].uri)
     assert shown.shape == (96, 96, 4)
@@ -82,12 +82,12 @@ def test_pictures_of_a_bake_are_its_codes(baked) -> None:
     assert np.abs(read - found)[baked.has_data].max() <= 0.5 * heights["scale"] / 255.0 + 1e-7
 
 
-def test_directx_reaches_the_view() -> None:
+def test_directx_reaches_the_view():
     result = bake(plane(), plane(), BakeOptions(size=8, convention="directx"))
     assert baked_pictures(result)[0].settings()["green"] == -1
 
 
-def test_maps_are_halved_until_they_fit(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_maps_are_halved_until_they_fit(monkeypatch, tmp_path):
     noise = np.random.default_rng(0).random((1024, 512, 3), np.float32)
     write_image(noise, tmp_path / "a.png", bits=8)
     (whole,) = file_pictures({"albedo": tmp_path / "a.png"}, codings={"albedo": "color"})
@@ -104,7 +104,7 @@ def test_maps_are_halved_until_they_fit(monkeypatch: pytest.MonkeyPatch, tmp_pat
     assert (least.width, least.height) == (256, 512)
 
 
-def test_numbers_that_stand_for_things_are_not_averaged(monkeypatch, tmp_path) -> None:
+def test_numbers_that_stand_for_things_are_not_averaged(monkeypatch, tmp_path):
     codes = np.random.default_rng(1).choice([0.0, 1.0], (512, 512, 3)).astype(np.float32)
     write_image(codes, tmp_path / "ids.png", bits=8)
     monkeypatch.setattr(pictures, "MOST_BYTES", 1)
@@ -113,7 +113,7 @@ def test_numbers_that_stand_for_things_are_not_averaged(monkeypatch, tmp_path) -
     assert set(np.unique(pixels_of(picture.uri)[..., :3])) == {0, 255}
 
 
-def test_heights_of_float_files_are_scaled(tmp_path) -> None:
+def test_heights_of_float_files_are_scaled(tmp_path):
     heights = np.linspace(-0.3, 0.9, 64 * 64, dtype=np.float32).reshape(64, 64, 1)
     write_image(heights, tmp_path / "d.exr", bits=32)
     (picture,) = file_pictures({"d": tmp_path / "d.exr"}, codings={"d": "height"})
@@ -122,7 +122,7 @@ def test_heights_of_float_files_are_scaled(tmp_path) -> None:
     assert np.abs(read - heights[..., 0]).max() <= 0.5 * 1.2 / 255.0 + 1e-6
 
 
-def test_missed_texels_are_red_and_the_rest_clear() -> None:
+def test_missed_texels_are_red_and_the_rest_clear():
     missed = np.random.default_rng(2).random((20, 30)) < 0.2
     shown = pixels_of(miss_picture(missed))
     np.testing.assert_array_equal(shown[..., 3], np.where(missed, 255, 0))
@@ -130,7 +130,7 @@ def test_missed_texels_are_red_and_the_rest_clear() -> None:
 
 
 @pytest.mark.parametrize("maps", [("normal",), ("displacement",), ("opacity", "normal")])
-def test_what_a_page_adds_changes_nothing(pair, maps: tuple[str, ...]) -> None:
+def test_what_a_page_adds_changes_nothing(pair, maps):
     options = BakeOptions(maps=maps, size=48, samples=4)
     alone = bake(*pair, options)
     shown = bake(*pair, page_options(options))
@@ -141,12 +141,12 @@ def test_what_a_page_adds_changes_nothing(pair, maps: tuple[str, ...]) -> None:
         np.testing.assert_array_equal(asked.maps[name].values, alone.maps[name].values)
 
 
-def test_nothing_is_added_where_it_would_move_samples() -> None:
+def test_nothing_is_added_where_it_would_move_samples():
     for options in BakeOptions(samples="adaptive"), BakeOptions(time_budget="20s"):
         assert page_options(options) is options
 
 
-def test_a_histogram_counts() -> None:
+def test_a_histogram_counts():
     values = np.repeat([0.0, 1.0, 2.0], [100, 300, 50])
     svg = histogram_svg(values, title="t", unit="u")
     heights = [
@@ -158,7 +158,7 @@ def test_a_histogram_counts() -> None:
     assert ": 66.67 %" in svg and "median 1<" in svg
 
 
-def test_a_histogram_of_little() -> None:
+def test_a_histogram_of_little():
     assert histogram_svg(np.array([]), title="", unit="") == ""
     assert histogram_svg(np.array([np.nan, np.inf]), title="", unit="") == ""
     for value in 0.0, 3.0, -1e-12, 1e30:
@@ -168,7 +168,7 @@ def test_a_histogram_of_little() -> None:
 
 
 @given(st.floats(-1e6, 1e6), st.floats(1e-6, 1e6))
-def test_ticks_are_few_round_and_inside(low: float, width: float) -> None:
+def test_ticks_are_few_round_and_inside(low, width):
     high = low + width
     found = ticks(low, high)
     assert len(found) <= 7
@@ -179,7 +179,7 @@ def test_ticks_are_few_round_and_inside(low: float, width: float) -> None:
         np.testing.assert_allclose(steps, steps[0], rtol=1e-3)
 
 
-def test_times_read_well() -> None:
+def test_times_read_well():
     assert [duration(s) for s in (0.0123, 65.4, 812.0, 7560.0)] == [
         "12.3 ms", "65.4 s", "13.5 min", "2.1 h",
     ]  # fmt: skip

@@ -41,7 +41,7 @@ def opened(browser, page):
     return browser
 
 
-def shares(browser) -> tuple[float, float]:
+def shares(browser):
     """Shares of the stage that are red and blue."""
     picture = browser.picture("#compare .stage").astype(int)
     red = (picture[..., 0] > 150) & (picture[..., 2] < 60)
@@ -51,7 +51,7 @@ def shares(browser) -> tuple[float, float]:
 
 @pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.parametrize("dark", [False, True])
-def test_it_shows_everything_and_asks_for_nothing(browser, page, width: int, dark: bool) -> None:
+def test_it_shows_everything_and_asks_for_nothing(browser, page, width, dark):
     browser.open(page, width=width, dark=dark)
     browser.wait(READY)
     text = browser.value("document.querySelector('main').innerText")
@@ -64,7 +64,7 @@ def test_it_shows_everything_and_asks_for_nothing(browser, page, width: int, dar
     assert browser.value("document.documentElement.scrollWidth") == width
 
 
-def test_the_slider_moves_the_border(opened) -> None:
+def test_the_slider_moves_the_border(opened):
     for value, red in (1000, 1.0), (500, 0.5), (0, 0.0):
         opened.set("[name=wipe]", value)
         found = shares(opened)
@@ -72,7 +72,7 @@ def test_the_slider_moves_the_border(opened) -> None:
         assert found == pytest.approx((red, 1.0 - red), abs=0.09)
 
 
-def test_the_border_can_be_dragged(opened) -> None:
+def test_the_border_can_be_dragged(opened):
     x, y, width = opened.value(
         "(() => { const s = document.querySelector('#compare .stage');"
         "s.scrollIntoView({block: 'center'}); const b = s.getBoundingClientRect();"
@@ -89,7 +89,7 @@ def test_the_border_can_be_dragged(opened) -> None:
     )
 
 
-def test_the_worst_view_is_first_and_others_can_be_chosen(opened) -> None:
+def test_the_worst_view_is_first_and_others_can_be_chosen(opened):
     caption = "document.querySelector('#compare .caption').textContent"
     assert opened.value(caption) == "View 2: 8.5 dB"
     opened.set("[name=view][value='2']", True)

@@ -12,7 +12,6 @@ from hypothesis.extra import numpy as npst
 
 from texbake.mapping.seams import border_edges
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
@@ -21,7 +20,7 @@ from texbake.pages.viewer import DIRECTION_STEPS, octahedral, pack, packed_mesh
 INTS = npst.arrays(np.int32, st.tuples(st.integers(0, 6), st.integers(1, 3)))
 
 
-def unpack(text: str) -> tuple[dict, dict[str, np.ndarray]]:
+def unpack(text):
     """What `unpack` in page.js does, written once more from the description of the format."""
     data = zlib.decompress(base64.b64decode(text))
     (n_head,) = struct.unpack_from("<I", data)
@@ -37,7 +36,7 @@ def unpack(text: str) -> tuple[dict, dict[str, np.ndarray]]:
     return head, arrays
 
 
-def directions(codes: np.ndarray) -> np.ndarray:
+def directions(codes):
     xy = codes / DIRECTION_STEPS
     z = 1.0 - np.abs(xy).sum(axis=1)
     folded = (1.0 - np.abs(xy[:, ::-1])) * np.where(xy < 0.0, -1.0, 1.0)
@@ -46,7 +45,7 @@ def directions(codes: np.ndarray) -> np.ndarray:
 
 
 @given(st.dictionaries(st.sampled_from("abc"), INTS), st.integers())
-def test_whole_numbers_come_back(arrays: dict[str, np.ndarray], value: int) -> None:
+def test_whole_numbers_come_back(arrays, value):
     # Differences of int32 wrap around, and wrap back.
     head, found = unpack(pack(arrays, {"more": value}))
     assert head["more"] == value
@@ -55,7 +54,7 @@ def test_whole_numbers_come_back(arrays: dict[str, np.ndarray], value: int) -> N
         np.testing.assert_array_equal(found[name], values)
 
 
-def test_directions_come_back() -> None:
+def test_directions_come_back():
     vectors = np.random.default_rng(0).normal(size=(5000, 3))
     vectors[:7] = np.vstack([np.eye(3), -np.eye(3), [[1, 1, -1]]])
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
@@ -66,7 +65,7 @@ def test_directions_come_back() -> None:
 
 
 @pytest.mark.parametrize("mesh", [uv_sphere(7, 9), plane(3, 2)], ids=["sphere", "plane"])
-def test_corners_come_back(mesh: Mesh) -> None:
+def test_corners_come_back(mesh):
     frame = LocalFrame.around(mesh)
     head, found = unpack(packed_mesh(mesh, frame))
     corners = found["index"][:, 0]
@@ -89,14 +88,14 @@ def test_corners_come_back(mesh: Mesh) -> None:
     assert (np.diff(np.unique(corners, return_index=True)[1]) > 0).all()
 
 
-def test_a_mesh_without_coordinates_has_none() -> None:
+def test_a_mesh_without_coordinates_has_none():
     mesh = plane(2, 2).replace(uvs=None, uv_faces=None)
     head, found = unpack(packed_mesh(mesh, LocalFrame.around(mesh)))
     assert set(found) == {"index", "position", "normal"}
     assert head["arrays"]["position"] == [9, 3]
 
 
-def test_a_mesh_far_from_the_origin_loses_nothing() -> None:
+def test_a_mesh_far_from_the_origin_loses_nothing():
     mesh = uv_sphere(8, 8)
     far = mesh.replace(positions=mesh.positions * 1024.0 + 2.0**30)
     near, moved = (unpack(packed_mesh(m, LocalFrame.around(m)))[1] for m in (mesh, far))
@@ -104,7 +103,7 @@ def test_a_mesh_far_from_the_origin_loses_nothing() -> None:
     assert np.abs(near["position"] - moved["position"]).max() <= 1
 
 
-def test_the_browser_unpacks_the_same(browser, page) -> None:
+def test_the_browser_unpacks_the_same(browser, page):
     text = page.read_text(encoding="utf-8")
     packed = text.split('id="mesh-low">')[1].split("<")[0]
     _, expected = unpack(packed)

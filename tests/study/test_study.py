@@ -76,7 +76,8 @@ def test_every_knob_runs(quick_study, name):
         picture = item.outcome.picture
         assert picture is not None
         assert picture.shape == (200, 200, 3) and picture.dtype == np.float32
-        assert np.isfinite(picture).all()
+        # What a screen shows and little beyond: highlights, and overshoots of bicubic lookups.
+        assert picture.min() > -0.2 and picture.max() < 4.0
         assert picture.std() > 0.0, "a crop that shows nothing"
     assert result.front and len(result.knees) == len(result.problems)
 

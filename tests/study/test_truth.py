@@ -9,7 +9,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.resolve import picture_error
 from texbake.study.knob import Case, StudyPair
-from texbake.study.truth.pictures import Floor, ball_points, crop, sight_rays
+from texbake.study.truth.pictures import Floor, ball_points, sight_rays
 from texbake.study.truth.probes import angles_deg, mean_normals, probe
 from texbake.study.truth.surfaces import (
     RadialSurface,
@@ -125,12 +125,6 @@ def test_picture_error_is_in_steps_of_a_screen():
     where[0] = True
     gray[1:] = 1.0
     assert picture_error(black, gray, where) == pytest.approx(10.0, rel=1e-4)
-
-
-@pytest.mark.parametrize("shape", [(480, 640), (50, 90), (3, 300)])
-def test_crops_are_all_of_one_size(shape):
-    picture = np.random.default_rng(0).random((*shape, 3)).astype(np.float32)
-    assert crop(picture, (0.9, 0.1)).shape == (200, 200, 3)
 
 
 def test_mean_normals_are_those_of_all_rays_together():

@@ -6,7 +6,7 @@ import OpenImageIO as oiio  # noqa: N813
 import pytest
 
 from texbake.errors import FileFormatError
-from texbake.png import SIGNATURE, is_png, png_description
+from texbake.metadata import SIGNATURE, is_png, png_description
 from texbake.texture.image import read_image
 from texbake.texture.png_files import write_png
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from texbake import __version__
 from texbake.building import progress
-from texbake.building.digests import Digests
+from texbake.building.digests import Digests, followed_files, sidecars
 from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, absolute, find_assets, plan_nodes
 from texbake.building.locations import file_signature, is_url, locked
@@ -33,7 +33,6 @@ from texbake.building.report import (
 )
 from texbake.building.resolve import Resolver, StepState, machine_memory
 from texbake.building.schedule import Schedule
-from texbake.building.sidecars import followed_files, sidecars
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import TexbakeError, counted

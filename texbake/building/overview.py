@@ -86,12 +86,17 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
         for name in names[start:stop]:
             key, place = sources[name]
             try:
-                pictures[name] = kept[key].read_bytes() if key in kept else _made(place)
+                if key in kept:
+                    pictures[name] = kept[key].read_bytes()
+                    continue
+                with scratch_folder() as copies:
+                    above, _, file = place.rpartition("/")
+                    picture = location_of(above).fetch(file, copies)
+                    pictures[name] = thumbnail(picture)
             except (FileError, OSError):
                 continue
-            if key not in kept:
-                with replacing(folder / f"{key}.jpg") as temporary:
-                    temporary.write_bytes(pictures[name])
+            with replacing(folder / f"{key}.jpg") as temporary:
+                temporary.write_bytes(pictures[name])
 
     run_bands(make, len(names), band=1)
     used = {key for key, _ in sources.values()}
@@ -99,11 +104,3 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
         if file.stem not in used:
             file.unlink(missing_ok=True)
     return pictures
-
-
-def _made(place: str) -> bytes:
-    if not is_url(place):
-        return thumbnail(place)
-    folder, name = place.rsplit("/", 1)
-    with scratch_folder() as copies:
-        return thumbnail(location_of(folder).fetch(name, copies))

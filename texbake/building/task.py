@@ -110,7 +110,9 @@ def _done(task: Task) -> Manifest:
             )
         if warned:
             figures = {**figures, "notes": [*warned, *figures.get("notes", ())]}
-        _check_unchanged(task, signatures)
+        for path, signature in signatures.items():
+            if file_signature(path) != signature:
+                raise FileError(f"{path}: it changed while {task.step} read it; build again")
         more = {
             "figures": plain_figures(figures),
             "seconds": time.perf_counter() - start,
@@ -140,13 +142,6 @@ def _signatures(task: Task) -> dict[str, Any]:
     paths = [str(item.path) for item in inputs]
     paths += [path for item in inputs for path, _ in item.sidecars]
     return {path: file_signature(path) for path in paths if not is_url(path)}
-
-
-def _check_unchanged(task: Task, before: dict[str, Any]) -> None:
-    """Raise if an input changed while the step read it."""
-    for path, signature in before.items():
-        if file_signature(path) != signature:
-            raise FileError(f"{path}: it changed while {task.step} read it; build again")
 
 
 def _one_line(text: str) -> str:

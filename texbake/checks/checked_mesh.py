@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -257,6 +258,9 @@ class CheckedMesh:
         faces = np.flatnonzero(flagged)
         worst = None if badness is None else badness[faces]
         return make_finding(name, self.role, len(faces), faces, worst, **figures)
+
+
+Look = Callable[[CheckedMesh], Finding | None]
 
 
 def make_finding(

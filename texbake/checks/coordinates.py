@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding, Look
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.stretch import face_stretch
@@ -41,11 +41,6 @@ def overlapping_coordinates(checked: CheckedMesh) -> Finding | None:
     return checked.flag("overlapping-coordinates", flagged, np.abs(checked.uv_areas), unsure=unsure)
 
 
-def shared_coordinates(checked: CheckedMesh) -> Finding | None:
-    """Faces that share a part of the texture with other groups only; the largest first."""
-    return checked.flag("shared-coordinates", checked.shares_texture, np.abs(checked.uv_areas))
-
-
 def stacked_coordinates(checked: CheckedMesh) -> Finding | None:
     """Islands that share the texels of others, on which they lie exactly; the largest first."""
     stacked = checked.stacked
@@ -54,31 +49,29 @@ def stacked_coordinates(checked: CheckedMesh) -> Finding | None:
     return checked.finding("stacked-coordinates", stacked.n_sharing, faces, areas)
 
 
-def mirrored_coordinates(checked: CheckedMesh) -> Finding | None:
-    """Faces that run clockwise in the texture, not stacked on others; the largest are the worst."""
-    mirrored = (checked.uv_areas < 0.0) & checked.has_area & ~checked.stacked.stacked
-    return checked.flag("mirrored-coordinates", mirrored, -checked.uv_areas)
-
-
-def collapsed_coordinates(checked: CheckedMesh) -> Finding | None:
-    """Faces with an area in space but none in the texture; the largest are the worst."""
-    collapsed = (checked.uv_areas == 0.0) & checked.has_area
-    return checked.flag("collapsed-coordinates", collapsed, checked.areas)
-
-
 def outside(checked: CheckedMesh) -> BoolArray:
     """(F,) bool: faces that extend outside the unit square, other than stacked islands."""
     beyond = (np.abs(checked.uvs - 0.5) > 0.5 + _ROUNDING).any(axis=(1, 2))
     return np.asarray(beyond & ~checked.stacked.stacked)
 
 
-CHECKS = (
+# Of those that say just which faces, the largest are the worst.
+CHECKS: tuple[Look, ...] = (
     outside_tile,
     overlapping_coordinates,
-    shared_coordinates,
+    # Faces that share a part of the texture with other groups only.
+    lambda mesh: mesh.flag("shared-coordinates", mesh.shares_texture, np.abs(mesh.uv_areas)),
     stacked_coordinates,
-    mirrored_coordinates,
-    collapsed_coordinates,
+    # Faces that run clockwise in the texture.
+    lambda mesh: mesh.flag(
+        "mirrored-coordinates",
+        (mesh.uv_areas < 0.0) & mesh.has_area & ~mesh.stacked.stacked,
+        -mesh.uv_areas,
+    ),
+    # Faces with an area in space but none in the texture.
+    lambda mesh: mesh.flag(
+        "collapsed-coordinates", (mesh.uv_areas == 0.0) & mesh.has_area, mesh.areas
+    ),
 )
 
 # Share of the mean density: a face with a quarter of the texels per unit looks blurred.
@@ -95,11 +88,6 @@ def texel_owners(checked: CheckedMesh) -> TexelOwners:
     except UvError:  # no face covers anything
         return np.full((options.height_px, options.width_px), NO_FACE, dtype=np.int32)
     return rasterize_uv(faces, grid, threads=options.threads)[0]
-
-
-def nothing_covered(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
-    """Whether no texel is covered, so that there is nothing to bake to."""
-    return checked.finding("nothing-covered", int((owners == NO_FACE).all()))
 
 
 def thin_charts(checked: CheckedMesh) -> Finding | None:
@@ -219,9 +207,8 @@ def low_texel_density(checked: CheckedMesh) -> Finding | None:
 
 def texel_findings(checked: CheckedMesh, owners: TexelOwners) -> list[Finding | None]:
     """All findings at the size of the texture, or only that nothing is covered."""
-    nothing = nothing_covered(checked, owners)
-    if nothing is not None:
-        return [nothing]
+    if (owners == NO_FACE).all():  # there is nothing to bake to
+        return [checked.finding("nothing-covered", 1)]
     return [
         thin_charts(checked),
         close_charts(checked, owners),

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import Annotated
 
 from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
 from texbake.checks.bake_kinds import (
@@ -242,7 +241,7 @@ SEVERITIES = ("error", "warning", "note")
 class CheckOptions(TextureOptions):
     """The bake that a check is made for."""
 
-    padding: Annotated[int, PADDING_OPTION] = BakeOptions.padding
+    padding: int = option(BakeOptions.padding, PADDING_OPTION)
     min_texel_density: float | None = option(
         None,
         "Texels per model unit that every face must have in its most stretched direction.",
@@ -258,7 +257,7 @@ class CheckOptions(TextureOptions):
         metavar="KIND",
         many=True,
     )
-    threads: Annotated[int | None, THREADS_OPTION] = None
+    threads: int | None = option(None, THREADS_OPTION)
 
     def __post_init__(self) -> None:
         super().__post_init__()

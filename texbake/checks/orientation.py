@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding, IdArray
+from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding, IdArray, Look
 from texbake.core import portable_math as pm
 from texbake.mapping.seams import connected_faces
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -113,11 +113,6 @@ class _Shells:
         return bool(winding_numbers(self._positions, places, point[None])[0] > 0.5)
 
 
-def no_normals(checked: CheckedMesh) -> Finding | None:
-    """Whether the mesh has no normals."""
-    return checked.finding("no-normals", int(checked.mesh.normals is None))
-
-
 def zero_normals(checked: CheckedMesh) -> Finding | None:
     """Faces with an area and a normal of length zero at a corner."""
     mesh = checked.mesh
@@ -185,5 +180,9 @@ def _angles(normals: FloatArray, one: IntArray, other: IntArray) -> FloatArray:
     return angles
 
 
-NORMAL_CHECKS = (no_normals, zero_normals, turned_normals)
+NORMAL_CHECKS: tuple[Look, ...] = (
+    lambda mesh: mesh.finding("no-normals", int(mesh.mesh.normals is None)),
+    zero_normals,
+    turned_normals,
+)
 LOW_POLY_CHECKS = (hard_edges_without_seam, other_diagonals)

@@ -22,10 +22,10 @@ from texbake.mapping.layout_view import (
     INK,
     LayoutWindow,
     linear,
+    text_coverage,
 )
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.text import text_coverage
 
 if TYPE_CHECKING:
     from texbake.checks.check import CheckReport
@@ -144,7 +144,12 @@ def _panel(base: Picture, finding: Finding, owners: IntArray, pixels: FloatArray
     flagged[finding.faces] = 1.0
     samples = flagged[owners].reshape(height, _SAMPLES, width, _SAMPLES)
     coverage = samples.mean(axis=(1, 3))
-    middles, small = _dots(pixels[finding.faces])
+    corners = pixels[finding.faces]
+    # Clipped far outside of any picture, so that no integer overflows.
+    middles = np.clip(corners.mean(axis=1), -1e6, 1e6)
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    areas = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2.0
+    small = areas < _DOT_PX**2
     for dy in (-1, 0, 1):
         for dx in (-1, 0, 1):
             columns, rows = np.floor(middles[small] + (dx, dy)).astype(int).T
@@ -157,15 +162,6 @@ def _panel(base: Picture, finding: Finding, owners: IntArray, pixels: FloatArray
     for side in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
         side *= 1.0 - _FRAME_DARKNESS
     return picture
-
-
-def _dots(corners: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Middles of faces, in pixels, and which of them are too small to be seen."""
-    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    areas = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2.0
-    # Clipped far outside of any picture, so that no integer overflows.
-    middles = np.clip(corners.mean(axis=1), -1e6, 1e6)
-    return middles, areas < _DOT_PX**2
 
 
 def _captioned(picture: Picture, caption: str, color: tuple[float, float, float]) -> Picture:

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.checked_mesh import CheckedMesh, Finding, IdArray
+from texbake.checks.checked_mesh import CheckedMesh, Finding, IdArray, Look
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import unmeasurable_size
 from texbake.mapping.seams import merged_labels
@@ -47,11 +47,6 @@ _FLOAT32_STEP = 2.0**-24
 _SIZES = (1e-5, 1e6)  # model units that most programs handle well
 
 
-def no_surface(checked: CheckedMesh) -> Finding | None:
-    """Whether no face at all has an area."""
-    return checked.finding("no-surface", int(not checked.has_area.any()))
-
-
 def zero_area_faces(checked: CheckedMesh) -> Finding | None:
     """Faces without area; the longest are the worst."""
     if not checked.has_area.any():  # reported as `no-surface`
@@ -60,11 +55,6 @@ def zero_area_faces(checked: CheckedMesh) -> Finding | None:
     corners = checked.corners[flat]
     lengths = ((corners - np.roll(corners, 1, axis=1)) ** 2).sum(axis=2).max(axis=1, initial=0.0)
     return checked.finding("zero-area-faces", len(flat), flat, lengths)
-
-
-def duplicate_faces(checked: CheckedMesh) -> Finding | None:
-    """Faces that repeat an earlier one, with either winding; the largest are the worst."""
-    return checked.flag("duplicate-faces", checked.duplicates, checked.areas)
 
 
 def duplicate_vertices(checked: CheckedMesh) -> Finding | None:
@@ -89,12 +79,6 @@ def duplicate_vertices(checked: CheckedMesh) -> Finding | None:
     repeats = vertices != least[carried]
     faces = np.nonzero(split)[0][repeats]
     return checked.finding("duplicate-vertices", _n_distinct(vertices[repeats]), faces)
-
-
-def unused_vertices(checked: CheckedMesh) -> Finding | None:
-    """Vertices that no face uses."""
-    n_used = _n_distinct(checked.mesh.faces)
-    return checked.finding("unused-vertices", checked.mesh.n_vertices - n_used)
 
 
 def non_manifold_edges(checked: CheckedMesh) -> Finding | None:
@@ -157,33 +141,30 @@ def far_from_origin(checked: CheckedMesh) -> Finding | None:
 
 
 def extreme_size(checked: CheckedMesh) -> Finding | None:
-    """Whether the mesh is very small or very large."""
+    """Whether the mesh is very small or very large, or too large or small to be measured."""
+    if (extent := unmeasurable_size(checked.mesh)) is not None:  # leaves the range of float64
+        length, farthest = extent
+        return checked.finding("unmeasurable-size", 1, length=length, farthest=farthest)
     size = checked.diagonal / checked.scale
     least, most = _SIZES
     extreme = size > most or 0.0 < size < least
-    if unmeasurable_size(checked.mesh) is not None:
-        return None
     return checked.finding("extreme-size", int(extreme), size=size)
 
 
-def size_cannot_be_computed_with(checked: CheckedMesh) -> Finding | None:
-    """Whether the areas of the mesh would leave the range of float64."""
-    length, farthest = unmeasurable_size(checked.mesh) or (0.0, 0.0)
-    return checked.finding("unmeasurable-size", int(length > 0.0), length=length, farthest=farthest)
-
-
-CHECKS = (
-    no_surface,
+CHECKS: tuple[Look, ...] = (
+    lambda mesh: mesh.finding("no-surface", int(not mesh.has_area.any())),
     zero_area_faces,
-    duplicate_faces,
+    # Faces that repeat an earlier one, with either winding; the largest are the worst.
+    lambda mesh: mesh.flag("duplicate-faces", mesh.duplicates, mesh.areas),
     duplicate_vertices,
-    unused_vertices,
+    lambda mesh: mesh.finding(
+        "unused-vertices", mesh.mesh.n_vertices - _n_distinct(mesh.mesh.faces)
+    ),
     non_manifold_edges,
     pinched_vertices,
     cracks,
     far_from_origin,
     extreme_size,
-    size_cannot_be_computed_with,
 )
 
 

@@ -29,12 +29,12 @@ from texbake.mapping.layout_view import (
     heat_color,
     legend_size,
     linear,
+    text_coverage,
 )
 from texbake.mapping.seams import border_edges, chart_ids, seam_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
-from texbake.text import text_coverage
 
 LayoutPixels = npt.NDArray[np.float32]
 

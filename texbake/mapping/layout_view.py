@@ -1,4 +1,4 @@
-"""What pictures of texture coordinates share, as pixels or as SVG: the window, tiles and colors."""
+"""What pictures of texture coordinates share: the window, tiles, colors and text."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
@@ -190,3 +191,21 @@ def _on_tile(values: FloatArray) -> FloatArray:
     """Coordinates, moved onto the border of a tile where they miss it by rounding alone."""
     borders = np.rint(values)
     return np.where(np.abs(values - borders) <= _ROUNDING * (1.0 + np.abs(values)), borders, values)
+
+
+def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
+    """Draw a line of text, cropped to its glyphs.
+
+    `size`: height of the font in pixels, about 4/3 of the height of a digit. Returns (h, w)
+    float32: share of each pixel that glyphs cover, row 0 at the top. Empty if nothing is drawn.
+    """
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.load_default(size)
+    left, top, right, bottom = font.getbbox(text)
+    room = int(right - left) + 2 * size, int(bottom - top) + 2 * size
+    sheet = Image.new("L", room)
+    ImageDraw.Draw(sheet).text((size - left, size - top), text, fill=255, font=font)
+    box = sheet.getbbox() or (0, 0, 0, 0)
+    coverage = np.asarray(sheet.crop(box), np.float32) / np.float32(255.0)
+    return coverage.astype(np.float32, copy=False)

@@ -27,7 +27,12 @@ def findings(result: KnobResult) -> list[str]:
     sentences = []
     for front, best in zip(result.fronts, result.knees, strict=True):
         sentences += _on_front(result, front, best)
-    sentences += _against_baseline(result)
+    sentences += [
+        f"“{saving.series}” reaches the {amount(saving.setting.error, result.knob.unit)} of "
+        f"“{saving.setting.setting.label}” in {'at most ' if saving.is_most else ''}"
+        f"{number(saving.share)} of its time{'' if saving.is_most else ' (interpolated)'}."
+        for saving in speedups(result)
+    ]
     widest = max(result.measurements, key=spread)
     sentences.append(
         f"Noise: the times of a setting lay within ±{number(100.0 * spread(widest))} % of their "
@@ -61,15 +66,6 @@ def _on_front(result: KnobResult, front: list[int], best: int) -> list[str]:
     elif not first.setting.problem:
         sentences.append("It pays off to the end of the range that was tried.")
     return sentences
-
-
-def _against_baseline(result: KnobResult) -> list[str]:
-    return [
-        f"“{saving.series}” reaches the {amount(saving.setting.error, result.knob.unit)} of "
-        f"“{saving.setting.setting.label}” in {'at most ' if saving.is_most else ''}"
-        f"{number(saving.share)} of its time{'' if saving.is_most else ' (interpolated)'}."
-        for saving in speedups(result)
-    ]
 
 
 def _times_less(a: Measurement, b: Measurement) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 from texbake.baking.options import THREADS_OPTION
 from texbake.errors import OptionError
@@ -58,10 +57,10 @@ class StudyOptions(CheckedOptions):
         flag="--knob",
         many=True,
     )
-    repeats: Annotated[int, REPEATS_OPTION] = 5
-    seconds: Annotated[float, SECONDS_OPTION] = 10.0
+    repeats: int = option(5, REPEATS_OPTION)
+    seconds: float = option(10.0, SECONDS_OPTION)
     quick: bool = option(False, "Study a small range of each setting on small meshes, in a minute.")
-    threads: Annotated[int | None, THREADS_OPTION] = None
+    threads: int | None = option(None, THREADS_OPTION)
 
     def __post_init__(self) -> None:
         super().__post_init__()

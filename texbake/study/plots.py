@@ -81,7 +81,9 @@ def knob_plot(result: KnobResult) -> Plot:
     with plot_style():
         figure = new_figure(6.4, 4.4)
         axes = figure.add_subplot()
-        _draw(axes, [result], _series_colors(result), label_size=8.0)
+        names = dict.fromkeys(item.setting.series for item in result.measurements)
+        colors = {(result.knob.name, name): COLORS[i % len(COLORS)] for i, name in enumerate(names)}
+        _draw(axes, [result], colors, label_size=8.0)
         unit = f" ({result.knob.unit})" if result.knob.unit else ""
         axes.set_ylabel(f"{result.knob.error}{unit}")
         return finished_plot(figure, result.knob.name)
@@ -108,20 +110,12 @@ def all_plot(results: Sequence[KnobResult]) -> Plot:
             axes.set_ylabel(f"error ({units})" if units else "error")
             title = shown[0].knob.title if len(shown) == 1 else f"{len(shown)} knobs: {kind}"
             axes.set_title(title, fontsize=9, loc="left", fontweight="bold")
-            _legend_of_knobs(axes, shown)
+            for i, result in enumerate(shown):
+                color = COLORS[i % len(COLORS)]
+                axes.plot([], [], "o", color=color, label=result.knob.title, ms=5)
+            if len(shown) > 1:
+                axes.legend(fontsize=7.5, frameon=False, loc="best")
         return finished_plot(figure, "all")
-
-
-def _legend_of_knobs(axes: Axes, shown: list[KnobResult]) -> None:
-    for i, result in enumerate(shown):
-        axes.plot([], [], "o", color=COLORS[i % len(COLORS)], label=result.knob.title, ms=5)
-    if len(shown) > 1:
-        axes.legend(fontsize=7.5, frameon=False, loc="best")
-
-
-def _series_colors(result: KnobResult) -> dict[tuple[str, str], str]:
-    names = list(dict.fromkeys(item.setting.series for item in result.measurements))
-    return {(result.knob.name, name): COLORS[i % len(COLORS)] for i, name in enumerate(names)}
 
 
 @dataclass(frozen=True)

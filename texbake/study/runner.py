@@ -13,12 +13,14 @@ time", ISMM 2013 (order of runs).
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import platform
 import random
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -109,7 +111,10 @@ def with_peak_memory(work: Callable[[], Result]) -> tuple[Result, int | None]:
     The peak that Linux keeps is reset first. None where the system cannot do that.
     """
     gc.collect()
-    _return_freed_memory()
+    with suppress(OSError, AttributeError, TypeError):  # not the GNU C library
+        ctypes.CDLL(None).malloc_trim(
+            0
+        )  # freed memory that is not returned would hide a later peak
     try:
         _CLEAR.write_text(_RESET_PEAK, encoding="ascii")
         before = _status_bytes("VmRSS")
@@ -117,16 +122,6 @@ def with_peak_memory(work: Callable[[], Result]) -> tuple[Result, int | None]:
         return work(), None
     result = work()
     return result, max(_status_bytes("VmHWM") - before, 0)
-
-
-def _return_freed_memory() -> None:
-    """Make the C library return freed memory to the system, which would hide a later peak."""
-    import ctypes
-
-    try:
-        ctypes.CDLL(None).malloc_trim(0)
-    except (OSError, AttributeError, TypeError):  # not the GNU C library
-        return
 
 
 def _status_bytes(field: str) -> int:

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.files import PathLike, write_files
+from texbake.mapping.layout_view import text_coverage
 from texbake.pages.page import duration, page_html, render
 from texbake.pages.pictures import data_uri, picture_codes, png_of
 from texbake.progress import ProgressSink, Stages
@@ -22,7 +23,6 @@ from texbake.study.findings import amount, findings, next_step
 from texbake.study.plots import Plot, all_plot, check_matplotlib, knob_plot
 from texbake.study.result import KnobResult, Measurement, StudyResult, figure_names
 from texbake.study.truth.pictures import CROP
-from texbake.text import text_coverage
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -13,8 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
+from texbake.mapping.layout_view import text_coverage
 from texbake.mesh.oklch import linear_from_oklch
-from texbake.text import text_coverage
 
 MAX_CELLS = len(string.ascii_uppercase)
 

@@ -22,9 +22,8 @@ import numpy.typing as npt
 from texbake.errors import FileError, FileFormatError, OptionError, quoted
 from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
-from texbake.metadata import Value, from_description, to_description
+from texbake.metadata import Value, from_description, is_png, png_description, to_description
 from texbake.parallel import run_bands
-from texbake.png import is_png, png_description
 from texbake.texture.encoding import (
     code_type,
     decode_srgb,

@@ -21,8 +21,8 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.files import PathLike
+from texbake.metadata import SIGNATURE
 from texbake.parallel import run_bands
-from texbake.png import SIGNATURE
 
 _COLOR_TYPES = {1: 0, 2: 4, 3: 2, 4: 6}  # channels: PNG's number for gray, gray + alpha, ...
 # Bytes per band: enough that separate deflate blocks hardly cost more than a single stream.

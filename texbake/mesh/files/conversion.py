@@ -12,8 +12,7 @@ from texbake.errors import MeshError, OptionError, UvError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
-from texbake.metadata import CONVENTION, SPACE, from_description
-from texbake.png import SIGNATURE, png_description
+from texbake.metadata import CONVENTION, SIGNATURE, SPACE, from_description, png_description
 
 
 def strip_triangles(indices: npt.NDArray[Any]) -> npt.NDArray[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 from texbake.errors import OptionError
 from texbake.schema import CheckedOptions, option
@@ -107,8 +106,8 @@ class BenchOptions(CheckedOptions):
         metavar="PYTHON",
         default=f"${BLENDER_VARIABLE}",
     )
-    repeats: Annotated[int, REPEATS_OPTION] = 3
-    seconds: Annotated[float, SECONDS_OPTION] = 60.0
+    repeats: int = option(3, REPEATS_OPTION)
+    seconds: float = option(60.0, SECONDS_OPTION)
     timeout: float = option(
         900.0,
         "Seconds after which a run is ended and its setting left out.",

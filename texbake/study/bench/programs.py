@@ -75,7 +75,10 @@ class Program:
         task = job["task"]
         path = stem.with_suffix(_SUFFIXES[task])
         if not self.runner:
-            words, path = _texbake_words(job, path)
+            out = path.with_suffix(".obj") if task == "unwrap" else path
+            line = f"{_LINES[task]} --quiet --progress none"
+            words = [word.format(**job, out=out) for word in line.split()]
+            path = out / "ao.exr" if task == "bake-ao" else out
             start = "from texbake_cli import run; run()"
             return [sys.executable, "-P", "-c", start, *words], Product(
                 path, self.forms.get(task, "")
@@ -92,35 +95,19 @@ class Program:
         ]  # fmt: skip
 
 
-def _texbake_words(job: Job, path: Path) -> tuple[list[str], Path]:
-    """Return the command line of texbake without its name, and the file that it writes."""
-    task = job["task"]
-    if task == "unwrap":
-        path = path.with_suffix(".obj")
-    words = [*_texbake_task(job, path), "--quiet", "--progress", "none"]
-    return words, path / "ao.exr" if task == "bake-ao" else path
-
-
-def _texbake_task(job: Job, path: Path) -> list[str]:
-    task, out = job["task"], ["-o", str(path)]
-    if task == "unwrap":
-        return [
-            task, job["mesh"], *out, "--size", str(job["size"]), "--padding", str(job["gap"] // 2),
-            "--quality", job["quality"],
-        ]  # fmt: skip
-    if task == "simplify":
-        return [task, job["mesh"], *out, "--faces", str(job["faces"]), "--quality", job["quality"]]
-    if task == "preview":
-        return [task, job["scene"], *out, "--supersampling", str(job["side"])]
-    distance, size = str(job["distance"]), str(job["size"])
-    bake = [
-        job["high"], job["low"], *out, "--size", size, "--front", distance, "--back", distance,
-        "--padding", str(job["padding"]), "--samples", str(job["samples"]),
-    ]  # fmt: skip
-    if task == "bake-ao":
-        rays = str(job["rays"])
-        return ["bake", *bake, "--maps", "ao", "--format", "exr", "--secondary-rays", rays]
-    return [task, *bake, "--bits", "16" if task == "bake-normals" else "32"]
+_BAKE = (
+    "{high} {low} -o {out} --size {size} --front {distance} --back {distance} --padding {padding} "
+    "--samples {samples}"
+)
+# Commands of texbake, filled in with the values of a job.
+_LINES = {
+    "bake-normals": f"bake-normals {_BAKE} --bits 16",
+    "bake-displacement": f"bake-displacement {_BAKE} --bits 32",
+    "bake-ao": f"bake {_BAKE} --maps ao --format exr --secondary-rays {{rays}}",
+    "unwrap": "unwrap {mesh} -o {out} --size {size} --padding {padding} --quality {quality}",
+    "simplify": "simplify {mesh} -o {out} --faces {faces} --quality {quality}",
+    "preview": "preview {scene} -o {out} --supersampling {side}",
+}
 
 
 # Settings

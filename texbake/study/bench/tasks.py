@@ -225,7 +225,12 @@ def _prepare_unwrap(case: BenchCase, options: BenchOptions, folder: Path) -> Pre
         truth="exact values",
         truth_text="The stretch of every triangle and the area that the charts fill follow from "
         "the texture coordinates.",
-        job={"mesh": mesh_file(mesh, folder, name), "size": _ATLAS_SIZE, "gap": _GAP},
+        job={
+            "mesh": mesh_file(mesh, folder, name),
+            "size": _ATLAS_SIZE,
+            "gap": _GAP,
+            "padding": _GAP // 2,
+        },
         judge=judge,
     )
 
