@@ -8,7 +8,7 @@ edges and vertices of the cage they need not be, so rays cast outward from the l
 points there. A vertex lies over the point of the low-poly surface whose smooth normal goes through
 it.
 
-Kernels: `core/coordinate_descent.c`, `core/newton.c`.
+Kernel: `core/cage.c`.
 """
 
 from __future__ import annotations

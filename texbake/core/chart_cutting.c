@@ -38,16 +38,20 @@ static const double SIMILAR = 0.234;
 /* See LARGEST_HALF in part_division.c. */
 enum { MOST_LEVELS = 400 };
 
-/* The stretch above 1 that the halves of a part have, times their areas; infinite if one could not be
-   flattened: it is divided further. */
+/* The stretch above 1 of a part, times its area. */
+static double excess_of(const struct part *part)
+{
+    return part->area * (part->l2 * part->l2 - 1.0);
+}
+
+/* The sum for the halves of a part; infinite if one could not be flattened: it is divided further. */
 static double excess_of_halves(const struct part *part)
 {
     double excess = 0.0;
     for (int64_t i = 0; i < part->n_halves; i++) {
-        const struct part *half = &part->halves[i];
-        if (!half->is_laid)
+        if (!part->halves[i].is_laid)
             return -INFINITY;
-        excess += half->area * (half->l2 * half->l2 - 1.0);
+        excess += excess_of(&part->halves[i]);
     }
     return excess;
 }
@@ -66,8 +70,7 @@ static bool helps_to_divide(const struct cutting *cutting, struct part *part)
     for (int64_t i = 0; i < part->n_halves; i++) {
         struct part *half = &part->halves[i];
         divide(cutting, half);
-        excess += half->n_halves > 0 ? excess_of_halves(half)
-                                     : half->area * (half->l2 * half->l2 - 1.0);
+        excess += half->n_halves > 0 ? excess_of_halves(half) : excess_of(half);
     }
     return excess <= limit;
 }

@@ -8,7 +8,7 @@ Addition, multiplication, division and square roots are safe: IEEE 754 prescribe
 
 The elementary functions accept numbers or arrays, which are broadcast, and return a float for
 numbers. They compute in float64 with an error below 0.7 units in the last place; results for
-float32 arrays are rounded to float32. Kernels: `core/elementary.c` and `core/small_matrices.c`.
+float32 arrays are rounded to float32. Kernel: `core/portable_math.c`.
 """
 
 from __future__ import annotations

@@ -83,7 +83,11 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     flat = np.abs(texel_areas) > AREA_ROUNDING * _longest_squares(texels)
     faces = np.flatnonzero(solid & flat)
     if len(faces) == 0:
-        raise UvError(f"{mesh.name}: {_why_unmeasured(solid)}")
+        why = "look for the cause with: texbake info"
+        if solid.any():
+            why = "map it along another axis or by another method of: texbake unwrap"
+        both = " both in space and in the texture" if solid.any() else ""
+        raise UvError(f"{mesh.name}: none of its faces has an area{both}; {why}")
     areas, texel_areas = areas[faces], texel_areas[faces]
     greatest, least = _singular_values(corners[faces], texels[faces], areas, texel_areas)
     unit = math.sqrt(np.abs(texel_areas).sum() / areas.sum())
@@ -133,16 +137,6 @@ def stretch_by_group(
         )
         for l2, linf, energy, qc, angle, area in zip(*(c.tolist() for c in columns), strict=True)
     ]
-
-
-def _why_unmeasured(solid: npt.NDArray[np.bool_]) -> str:
-    """Why no face can be measured, and what to do; `solid` faces have an area in space."""
-    if not solid.any():
-        return "none of its faces has an area; look for the cause with: texbake info"
-    return (
-        "none of its faces has an area both in space and in the texture; "
-        "map it along another axis or by another method of: texbake unwrap"
-    )
 
 
 def _longest_squares(corners: FloatArray) -> FloatArray:

@@ -43,7 +43,7 @@ for adaptive and multigrid techniques", International Journal for Numerical Meth
 20, 1984 (longest edges); Bank, Sherman, Weiser, "Refinement algorithms and data structures for
 regular local mesh refinement", 1983 (a triangle with three cut edges).
 
-Kernels: `core/displacement.c`, `core/triangle_cutting.c`.
+Kernel: `core/displacement.c`.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ owners. Push-pull can fill the rest of the image smoothly, so that no mip level 
 background.
 
 Based on: Gortler et al., "The Lumigraph", 1996, section 4.3, for push-pull. Departs from it in that
-weights are 0 or 1 in every level. Kernels: `core/distance_transform.c`, `core/push_pull.c`.
+weights are 0 or 1 in every level. Kernel: `core/padding.c`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from texbake.core import core
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
 
-# "No owner within reach" as an offset in texels, as in `core/distance_transform.c`.
+# "No owner within reach" as an offset in texels, as in `core/padding.c`.
 NO_OWNER = 16384
 
 # Columns per band of the first pass, and rows per band of the second.

@@ -5,7 +5,7 @@ A mesh with texture coordinates in the photograph gives no direction: there a fa
 area it takes of the photograph, relative to its size on the surface. In a photograph taken from far
 away that is the cosine of the viewing angle.
 
-Kernel: `core/photo_weights.c`.
+Kernel: `core/projected_pictures.c`.
 """
 
 from __future__ import annotations

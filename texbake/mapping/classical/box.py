@@ -60,16 +60,6 @@ _SMALL = 0.01  # share of a connected surface; smaller regions are joined to oth
 _TIE = 1e-3
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class BoxSides:
-    """Sides of faces."""
-
-    sides: IntArray  # (F,) int32
-    n_joined: int  # faces whose side is not the one nearest to their own normal
-    # Faces without area; they take the side that most of their outline touches, or +z.
-    n_without_normal: int
-
-
 @dataclass(frozen=True, eq=False)
 class _Borders:
     """Pairs of faces that share an edge, in both orders, and the length of the edge."""
@@ -79,8 +69,11 @@ class _Borders:
     lengths: FloatArray
 
 
-def box_sides(mesh: Mesh) -> BoxSides:
-    """Choose the side of each face."""
+def box_sides(mesh: Mesh) -> tuple[IntArray, dict[str, int]]:
+    """Choose the side of each face: (F,) int32, and tallies.
+
+    Faces without area take the side that most of their outline touches, or +z.
+    """
     normals = face_normals(mesh)
     points = LocalFrame.around(mesh).to_local(mesh.positions)
     areas = surface_areas(points[mesh.faces])
@@ -101,11 +94,11 @@ def box_sides(mesh: Mesh) -> BoxSides:
     sides[without_normal] = _sides_beside(sides, without_normal, borders)
     allowed[without_normal] = True
     sides = _without_small_regions(sides, allowed, areas, borders)
-    return BoxSides(
-        sides=sides,
-        n_joined=mesh.count_polygons((sides != own) & ~without_normal),
-        n_without_normal=mesh.count_polygons(without_normal),
-    )
+    joined = (sides != own) & ~without_normal
+    return sides, {
+        "faces joined to the side of their neighbors": mesh.count_polygons(joined),
+        "faces without area": mesh.count_polygons(without_normal),
+    }
 
 
 def _summed(polygons: IntArray, rows: FloatArray) -> FloatArray:
@@ -219,19 +212,12 @@ def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
     >>> float(corners.min()), float(corners.max())
     (0.0, 1.0)
     """
-    found = box_sides(mesh)
+    sides, tallies = box_sides(mesh)
     local = points_about(mesh, center_of(mesh, options.center), np.eye(3))
     points = local.points[mesh.faces]
     half_size = np.array([np.abs(points[:, :, i]).max() for i in range(3)])
     half_size[half_size <= local.rounding] = 0.0
-    counts = {
-        "faces joined to the side of their neighbors": found.n_joined,
-        "faces without area": found.n_without_normal,
-    }
-    return Projected(
-        corners=side_pictures(points, found.sides, half_size, options),
-        tallies=counts,
-    )
+    return Projected(corners=side_pictures(points, sides, half_size, options), tallies=tallies)
 
 
 def side_pictures(

@@ -71,12 +71,19 @@ def _camera_rows(
     """(4, 3) rows of the matrix, and (3,) the way from the center of the mesh to the camera."""
     azimuth, elevation, *rest = camera or (0.0, 0.0)
     assert azimuth is not None and elevation is not None
-    axes = _axes(math.radians(azimuth), math.radians(elevation))
-    distance = rest[0] if rest and rest[0] is not None else None
+    sin_a, cos_a = pm.sin(math.radians(azimuth)), pm.cos(math.radians(azimuth))
+    sin_e, cos_e = pm.sin(math.radians(elevation)), pm.cos(math.radians(elevation))
+    right, back = np.array([(cos_a, 0.0, -sin_a), (sin_a * cos_e, sin_e, cos_a * cos_e)])
+    up = np.cross(back, right)
+    distance = rest[0] if rest else None
     half = math.radians(fov) / 2.0
     if distance is None:
-        distance = _MARGIN * _radius(mesh) / pm.sin(half)
-    right, up, back = axes
+        # That of the sphere about the center of the bounding box; 1 for a mesh without extent.
+        local = LocalFrame.around(mesh)
+        points = local.to_local(mesh.positions[mesh.faces.ravel()])
+        radius = math.sqrt(float(pm.vecdot(points, points).max()))
+        radius = radius / local.scale if radius > 0.0 else 1.0
+        distance = _MARGIN * radius / pm.sin(half)
     focal = 1.0 / pm.tan(half)
     rows = np.stack([0.5 * (focal * right - back), 0.5 * (focal * up - back), -back, -back])
     return rows, distance * back
@@ -112,23 +119,6 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
     }
     tallies = {name: int(found.sum()) for name, found in counts.items()}
     return Projected(corners=corners, tallies=tallies)
-
-
-def _axes(azimuth: float, elevation: float) -> FloatArray:
-    """Rows right, up and back (against the view) of the projector, for angles in radians."""
-    sin_a, cos_a = pm.sin(azimuth), pm.cos(azimuth)
-    sin_e, cos_e = pm.sin(elevation), pm.cos(elevation)
-    right = (cos_a, 0.0, -sin_a)
-    back = (sin_a * cos_e, sin_e, cos_a * cos_e)
-    return np.stack([right, np.cross(back, right), back])
-
-
-def _radius(mesh: Mesh) -> float:
-    """Radius of the sphere about the center of the bounding box; 1 for a mesh without extent."""
-    local = LocalFrame.around(mesh)
-    points = local.to_local(mesh.positions[mesh.faces.ravel()])
-    radius = math.sqrt(float(pm.vecdot(points, points).max()))
-    return radius / local.scale if radius > 0.0 else 1.0
 
 
 def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> FloatArray:

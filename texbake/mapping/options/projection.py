@@ -145,9 +145,6 @@ class ProjectionOptions(CheckedOptions):
         check_interval("theta", self.theta)
         if self.height is not None:
             check_interval("height", self.height)
-        self._check_projector()
-
-    def _check_projector(self) -> None:
         if self.camera is not None:
             if self.matrix is not None:
                 raise OptionError("matrix: the camera says the same already; give one of them")
