@@ -11,7 +11,7 @@ from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
-from texbake.mesh.shapes import icosphere, plane, uv_sphere
+from texbake.mesh.shapes import icosphere, plane
 
 FRONTS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}  # coordinates along e1, e2 and the axis
 
@@ -194,21 +194,6 @@ def test_any_axis_gives_latitude_and_longitude_about_it(seed):
     scale = np.linalg.norm(first)
     turned = corners - (corners[0, 0, 0] - 0.5, 0.0)
     check_closed_form(turned, x / scale, y / scale, height)
-
-
-def test_a_sphere_has_its_own_longitude_and_latitude():
-    n_lat, n_lon = 8, 16
-    mesh = uv_sphere(n_lat, n_lon)
-    found = on_sphere(mesh, axis="z")
-    assert found.tallies == {"faces touching a pole": 2 * n_lon}
-    s, t = found.corners[..., 0], found.corners[..., 1]
-    # Every coordinate is a step of the grid; longitudes at the poles lie halfway.
-    assert np.abs(t * n_lat - np.round(t * n_lat)).max() < 1e-12
-    off_pole = (t > 0.01) & (t < 0.99)
-    assert np.abs(s * n_lon - np.round(s * n_lon))[off_pole].max() < 1e-12
-    assert np.abs(s * n_lon % 1.0 - 0.5)[~off_pole].max() < 1e-12
-    assert set(t[~off_pole]) == {0.0, 1.0}
-    assert np.ptp(s, axis=1).max() == pytest.approx(1.0 / n_lon, abs=1e-12)
 
 
 def test_faces_around_a_pole_are_counted_and_the_others_span_less_than_half():

@@ -8,7 +8,7 @@ from texbake.mapping.classical.planar import parametric, planar
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import face_normals
+from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 
 
@@ -152,6 +152,14 @@ def test_a_plane_seen_edge_on_is_a_line_and_a_point_a_point():
     point = Mesh(positions=[[3, 4, 5]] * 3, faces=[[0, 1, 2]])
     for fit in "bounds", "pca":
         assert not mapped(point, fit=fit, sides=True).corners.any()
+
+
+@pytest.mark.parametrize("first", [0, 1, 2])
+def test_a_face_is_edge_on_by_its_longest_edge_whichever_comes_first(first):
+    thickness = 0.1 * AREA_ROUNDING
+    positions = [[0, -0.5, 0], [0, 0.5, 0], [thickness, -0.499, 1]]
+    mesh = Mesh(positions=positions, faces=[np.roll([0, 1, 2], first)])
+    assert mapped(mesh).tallies == {"faces seen edge-on": 1}
 
 
 def test_without_a_map_coordinates_are_the_parameters_bit_by_bit() -> None:

@@ -226,7 +226,14 @@ def disk_charts(
 
     def repair(first: int, last: int) -> None:
         for number in range(first, last):
-            charts[number] = _charts_of(points, corners, batches[number])
+            batch = batches[number]
+            charts[number] = repair_charts(
+                points[np.concatenate([corners[each.face_ids] for each in batch])],
+                offset_joined([(each.faces, len(each.uvs)) for each in batch]),
+                np.concatenate([each.uvs for each in batch]),
+                offset_joined([(each.chart_ids, each.n_charts) for each in batch]),
+                even=False,
+            )
 
     run_bands(repair, len(batches), band=1, threads=threads)
     pieces = [
@@ -290,13 +297,3 @@ def _batches(laid: Sequence[_Laid]) -> list[list[_Laid]]:
         batches[-1].append(each)
         n_faces += len(each.face_ids)
     return batches
-
-
-def _charts_of(points: FloatArray, corners: IntArray, batch: Sequence[_Laid]) -> Charts | None:
-    return repair_charts(
-        points[np.concatenate([corners[each.face_ids] for each in batch])],
-        offset_joined([(each.faces, len(each.uvs)) for each in batch]),
-        np.concatenate([each.uvs for each in batch]),
-        offset_joined([(each.chart_ids, each.n_charts) for each in batch]),
-        even=False,
-    )

@@ -209,16 +209,9 @@ def plain_charts(
 
     coordinates = np.stack([corners, np.repeat(charts[:, None], 3, axis=1)], axis=2)
     used, indices = np.unique(coordinates.reshape(-1, 2), axis=0, return_inverse=True)
-    across, up = _tangents(axes[:n_charts])
+    axes = axes[:n_charts]
+    across = np.cross(np.eye(3)[np.abs(axes).argmin(axis=1)], axes)
+    across /= np.maximum(pm.norm(across, axis=1, keepdims=True), _TINY)
     where, chart_ids = points[used[:, 0]], used[:, 1].astype(np.int64)
-    uvs = [pm.vecdot(where, side[chart_ids]) for side in (across, up)]
+    uvs = [pm.vecdot(where, side[chart_ids]) for side in (across, np.cross(axes, across))]
     return indices.reshape(-1, 3).astype(np.int32), np.stack(uvs, axis=1), chart_ids
-
-
-def _tangents(axes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors perpendicular to each axis, right-handed with it."""
-    least = np.eye(3)[np.abs(axes).argmin(axis=1)]
-    across = np.cross(least, axes)
-    lengths = pm.norm(across, axis=1, keepdims=True)
-    across /= np.maximum(lengths, _TINY)
-    return across, np.cross(axes, across)
