@@ -178,11 +178,6 @@ def test_patches_without_area():
         make("bezier", patches=np.ones((2, 4, 4, 3)))
 
 
-def test_too_many_triangles_are_refused_before_the_work():
-    with pytest.raises(OptionError, match="makes 64,000,000 triangles"):
-        make("bezier", patches=DROP, resolution=2000)
-
-
 @pytest.mark.parametrize(
     "patches", [[], np.ones((4, 4, 3)), "", [["a"]], np.full((1, 4, 4, 3), np.nan)]
 )

@@ -292,13 +292,6 @@ def test_sheets_are_closed_on_request(name):
     assert figures(result) == (1, 2)
 
 
-def test_a_base_is_closed_flat():
-    result, report = remesh_with_report(part_of_ball(-0.8), RemeshOptions(resolution=96))
-    assert report.surface == "closed" and figures(result) == (1, 2)
-    low = result.bounds[0][2]
-    assert low == pytest.approx(-0.8, abs=2.0 * report.voxel)
-
-
 @pytest.mark.parametrize(
     ("mesh", "is_open"),
     [(one(), True) for one in SHEETS.values()]
