@@ -3,9 +3,10 @@
 import json
 import shlex
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
+from typing import get_origin
 
 import click
 import pytest
@@ -15,11 +16,14 @@ from texbake_cli.main import texbake
 from writing_commands import LINES, contents, make_inputs
 
 from texbake import write_mesh
+from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.mesh.shapes import uv_sphere
+from texbake.schema import OptionField, option_fields
 from texbake.verbs.verb import Options, Reads, Writes, find_verb
 
 VERBS = {name: verb for name in COMMANDS if (verb := find_verb(name)) is not None}
 Run = Callable[..., Result]
+CONTEXT = click.Context(texbake)
 
 
 @pytest.fixture(scope="module")
@@ -150,3 +154,34 @@ def test_an_output_that_cannot_be_written_is_one_line(name: str, run: Run) -> No
         (said,) = done.stderr.splitlines()
         assert said.startswith("texbake: low.obj/inside")
         assert contents(Path()) == before
+
+
+def wrong_values(item: OptionField) -> Iterator[str]:
+    """Values of an option that are outside of its range, or none of its choices."""
+    option = item.option
+    if option.choices and not any(kind in (str, float, int) for kind in item.kinds[1:]):
+        yield "nonsense"
+    ends = (option.low, -1), (option.above, 0), (option.below, 0), (option.high, 1)
+    yield from (f"{end + step:g}" for end, step in ends if end is not None)
+
+
+# Options of these are not read: a procedure has no photographs, and photographs no procedure.
+UNREAD = {"bake-texture": PhotoOptions, "bake-texture photos": SolidOptions}
+
+
+@pytest.mark.parametrize("name", [*sorted(VERBS.keys() & LINES.keys()), "bake-texture photos"])
+def test_a_value_out_of_its_range_or_choices_is_wrong_usage(name: str, run: Run) -> None:
+    words = prepared(name, run)
+    params = {param.name: param for param in texbake.get_command(CONTEXT, words[0]).params}
+    for part in VERBS[words[0]].of_kind(Options):
+        if part.kind is UNREAD.get(name):
+            continue
+        for item in option_fields(part.kind):
+            param = params.get(item.name)
+            if param is None or param.is_flag or any(map(get_origin, item.kinds)):
+                continue
+            for value in wrong_values(item):
+                done = run([*words, param.opts[0], value])
+                assert (done.exit_code, done.stdout) == (2, ""), (param.opts, value, done.output)
+                (said,) = done.stderr.splitlines()
+                assert param.opts[0] in said
