@@ -39,15 +39,9 @@ def cube_faces(cuts):
 
 def grid_mesh(n, seed=0, **changes):
     """A bumpy sheet of 2 n^2 triangles."""
-    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
-    heights = np.random.default_rng(seed).normal(0, 0.3 / n, u.shape)
-    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    right, up, both = first + 1, first + n + 1, first + n + 2
-    faces = np.concatenate(
-        [np.stack([first, right, both], axis=1), np.stack([first, both, up], axis=1)]
-    )
-    positions = np.stack([u, v, heights], axis=2).reshape(-1, 3)
-    return Mesh(positions=positions, faces=faces, **changes)
+    rng = np.random.default_rng(seed)
+    sheet = plane(n, n, lambda x, y: rng.normal(0, 0.3 / n, x.shape))
+    return sheet.replace(uvs=None, uv_faces=None, **changes)
 
 
 def oracle(positions, faces):

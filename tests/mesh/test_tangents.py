@@ -11,6 +11,7 @@ from tests.models import CASES, REAL
 from texbake.errors import UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.polygons import triangulated
+from texbake.mesh.shapes import plane
 from texbake.mesh.tangents import corner_tangents
 
 # Steps are rounded to float32: a few times 2^-24 = 6e-8 for well-shaped triangles.
@@ -54,16 +55,9 @@ def square_mesh(uvs, **changes):
 
 def bumpy_mesh(n=12):
     """A sheet whose texture is mirrored at u = 0.5 and skewed everywhere."""
-    u, v = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
-    heights = 0.1 * np.sin(5 * u + 1) * np.cos(7 * v)
-    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    right, up, both = first + 1, first + n + 1, first + n + 2
-    faces = np.concatenate(
-        [np.stack([first, right, both], axis=1), np.stack([first, both, up], axis=1)]
-    )
-    uvs = np.stack([np.minimum(u, 1 - u) + 0.2 * v * v, v + 0.1 * u], axis=2).reshape(-1, 2)
-    positions = np.stack([u, v, heights], axis=2).reshape(-1, 3)
-    return Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=faces)
+    sheet = plane(n, n, lambda x, y: 0.1 * np.sin(5 * x + 1) * np.cos(7 * y))
+    u, v = sheet.uvs.T
+    return sheet.replace(uvs=np.stack([np.minimum(u, 1 - u) + 0.2 * v * v, v + 0.1 * u], axis=1))
 
 
 @pytest.mark.parametrize("path", REFERENCES, ids=lambda path: path.stem)
