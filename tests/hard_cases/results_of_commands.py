@@ -6,9 +6,6 @@ otherwise after a turn and in another order, and what is bounded is how good the
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 from invariance import (
     AREA,
@@ -114,25 +111,6 @@ def transform(side: Side) -> Result:
     options = texbake.TransformOptions(scale=2.0, rotate=(90.0, 0.0, 30.0), flip=True)
     values = face_normals(texbake.transform(side.mesh, options))
     return {"normals": Quantity(values=values, per=FACE, place=None, order=ROUNDING)}
-
-
-def converted(suffix: str) -> Command:
-    """Write and read a format."""
-    # Two roundings of coordinates that are up to 2^11 sizes away.
-    off = FLOAT32 if suffix in ("stl", "glb") else 0.0
-
-    def convert(side: Side) -> Result:
-        mesh = side.mesh
-        with tempfile.TemporaryDirectory() as folder:
-            texbake.write_mesh(mesh, Path(folder) / f"mesh.{suffix}")
-            back = texbake.read_mesh(Path(folder) / f"mesh.{suffix}")
-        moved = np.abs(back.positions[back.faces] - mesh.positions[mesh.faces])
-        return {
-            "offsets": Quantity(values=moved.max(initial=0.0, axis=2), unit=LENGTH, per=CORNER,
-                                place=off, turn=off, order=off)
-        }  # fmt: skip
-
-    return convert
 
 
 def points_of(mesh: texbake.Mesh) -> Result:
@@ -419,7 +397,6 @@ PLAIN: dict[str, Command] = {
     "check": lambda side: findings(side.mesh),
     "repair": repair,
     "transform": transform,
-    **{f"convert to {suffix}": converted(suffix) for suffix in ("obj", "ply", "off", "stl", "glb")},
     "remesh": remesh,
     "simplify fast": simplified("fast"),
     "simplify best": simplified("best"),

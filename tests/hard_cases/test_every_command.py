@@ -77,8 +77,6 @@ UNDECIDED = (
               {"duplicate faces", "wall thinner than the cage", "negative zeros"}),
     Undecided("the middle of three sheets is seen from one side as little as from the other",
               ("orientation",), (TURN,), {"coordinates three deep"}),
-    Undecided("float32 merges their vertices at some places, which is refused",
-              ("convert to stl", "convert to glb"), (PLACE,), {"needles", "offset 1e7 sizes"}),
     Undecided("float64 holds few bits of it, and no power of two that makes it of unit size",
               ("cage", "bake-texture", "normals", "transform"), (SCALE,),
               {"subnormal coordinates"}),
