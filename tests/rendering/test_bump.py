@@ -340,8 +340,13 @@ def test_what_cannot_be_a_bump_map_is_one_line():
         normals_of(cube(), bump(WAVES), FACING, CLOSE)
 
 
-def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second():
-    """A sine over u: the slope of each difference, and its error for a step of half the size."""
+@pytest.mark.parametrize("space", ["uv", "object"])
+def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second(space):
+    """A sine over x: the slope of each difference, and its error for a step of half the size.
+
+    Steps are a pixel wide, and in space along the first edge of a triangle, which here is x on the
+    right.
+    """
     errors = {name: [] for name in ("central", "forward", "backward")}
     for width in (64, 128):
         options = RenderOptions(width=width, height=8, supersampling=1)
@@ -352,7 +357,7 @@ def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second()
         step = 1.0 / width
         for name, found in errors.items():
             waves = ProcedureTexture(
-                procedure="stripes", parameters={"profile": "sine"}, space="uv", filtered=False
+                procedure="stripes", parameters={"profile": "sine"}, space=space, filtered=False
             )
             holder = BumpMap(texture=waves, height=0.02, difference=name)
             material = Material(shading="lambert", bump_map=holder)
@@ -364,7 +369,7 @@ def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second()
             heights = [
                 0.02 * (0.5 + 0.5 * np.sin(2 * np.pi * (u + end * step))) for end in (low, high)
             ]
-            inside = slice(4, width - 4)
+            inside = slice(4 if space == "uv" else width // 2 + 4, width - 4)
             np.testing.assert_allclose(
                 slopes[inside], ((heights[1] - heights[0]) / step)[inside], atol=2e-5
             )
