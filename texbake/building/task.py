@@ -29,6 +29,27 @@ from texbake.verbs.step import Job
 
 
 @dataclass(frozen=True, kw_only=True)
+class TaskInput:
+    """An input of a task."""
+
+    called: str  # its name, which appears in meshes and reports
+    sha256: str  # checksum of the file, or of the list of files in a folder
+    path: str | None = None  # path or URL of a file outside the store
+    # files that are read with it, and their digests or `MISSING`
+    sidecars: tuple[tuple[str, str], ...] = ()
+    key: str | None = None  # key of the stored result that it belongs to
+    files: tuple[StoredFile, ...] = ()  # files of that output; several if it is a folder
+
+
+class DamagedInputError(Exception):
+    """A stored input no longer matches its checksum."""
+
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(message)
+        self.key = key
+
+
+@dataclass(frozen=True, kw_only=True)
 class Task:
     """A step for a worker to run."""
 
@@ -146,27 +167,6 @@ def _signatures(task: Task) -> dict[str, Any]:
 
 def _one_line(text: str) -> str:
     return " ".join(line.strip() for line in text.splitlines())
-
-
-@dataclass(frozen=True, kw_only=True)
-class TaskInput:
-    """An input of a task."""
-
-    called: str  # its name, which appears in meshes and reports
-    sha256: str  # checksum of the file, or of the list of files in a folder
-    path: str | None = None  # path or URL of a file outside the store
-    # files that are read with it, and their digests or `MISSING`
-    sidecars: tuple[tuple[str, str], ...] = ()
-    key: str | None = None  # key of the stored result that it belongs to
-    files: tuple[StoredFile, ...] = ()  # files of that output; several if it is a folder
-
-
-class DamagedInputError(Exception):
-    """A stored input no longer matches its checksum."""
-
-    def __init__(self, key: str, message: str) -> None:
-        super().__init__(message)
-        self.key = key
 
 
 def fetched(store: Store, item: TaskInput, copies: Path) -> Path:
