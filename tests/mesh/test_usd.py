@@ -200,7 +200,7 @@ def test_subsets_are_groups_and_the_rest_is_the_mesh(stage_file):
         {
             uniform token elementType = "face"
             uniform token familyName = "materialBind"
-            int[] indices = [0]
+            int[] indices = [0, 2, -1]
         }"""
     mesh = read_usd(stage_file(body))
     assert mesh.group_names == ("left", "wall")
