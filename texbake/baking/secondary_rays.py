@@ -37,7 +37,7 @@ _BLOCK = 4  # texels along the side of a square that shares a net of directions
 # How far above the surface rays start, in local units. The normal of a face is rounded to float32,
 # so a ray along its plane may sink by 2^-24 of its length along each axis, and its length in the
 # unit cube is at most the square root of 3.
-START_OFFSET = 3.0 * 2.0**-24
+_START_OFFSET = 3.0 * 2.0**-24
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class SecondaryRays:
         outer = math.inf if options.occluder_distance is None else options.occluder_distance
         inner = options.thickness_distance or self.inputs.high.diagonal
         return OcclusionRange(
-            START_OFFSET,
+            _START_OFFSET,
             outer * scale if OUTER in self.needs else 0.0,
             inner * scale if INNER in self.needs else 0.0,
         )
