@@ -20,14 +20,10 @@ from texbake.mesh.weld import weld_rows
 
 def heights(n, height, keep=lambda x, y: np.ones(x.shape, bool)):
     """A height field over a square, of the triangles whose centers are kept."""
-    ticks = np.linspace(-1.0, 1.0, n + 1)
-    x, y = np.meshgrid(ticks, ticks, indexing="ij")
-    ids = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
-    a, b, c, d = (i.ravel() for i in (ids[:-1, :-1], ids[1:, :-1], ids[1:, 1:], ids[:-1, 1:]))
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    positions = np.stack([x, y, height(x, y)], axis=-1).reshape(-1, 3)
-    centers = positions[faces].mean(axis=1)
-    return Mesh(positions=positions, faces=faces[keep(centers[:, 0], centers[:, 1])])
+    sheet = plane(n, n, lambda x, y: height(2.0 * x - 1.0, 2.0 * y - 1.0))
+    positions = sheet.positions * [2.0, 2.0, 1.0] - [1.0, 1.0, 0.0]
+    centers = positions[sheet.faces].mean(axis=1)
+    return Mesh(positions=positions, faces=sheet.faces[keep(centers[:, 0], centers[:, 1])])
 
 
 def rough(x, size, seed=0):
