@@ -54,6 +54,7 @@ def test_a_misfit_stops_with_the_words_of_check(changes, finding):
     [
         (high(), low()),
         (high(), low(1.3)),
+        (high(), low(0.0)),  # a point, which fits at no scale
         (high(), plane().replace(positions=3.0 * plane().positions - np.array([0.0, 0.0, 1.0]))),
         (
             join_meshes(
