@@ -56,20 +56,3 @@ def test_levels_and_compression(run, asset):
     text = " ".join((asset / "out" / "SETTINGS.txt").read_text(encoding="utf-8").split())
     assert "2 levels of detail" in text
     assert "MeshoptDecoder" in text
-
-
-@pytest.mark.parametrize(
-    ("level", "message"),
-    [
-        ("turned.obj", "its texture coordinates are laid out differently from those of"),
-        ("bare.obj", "it has no texture coordinates, and"),
-    ],
-)
-def test_levels_share_one_set_of_texture_coordinates(invoke, asset, level, message):
-    far = uv_sphere(4, 6)
-    write_mesh(far.replace(uvs=1.0 - far.uvs), asset / "turned.obj")
-    write_mesh(far.replace(uvs=None, uv_faces=None), asset / "bare.obj")
-    result = invoke(f"export rock.obj --to threejs --level far.obj --level {level} -o out", 1)
-    (line,) = result.stderr.splitlines()
-    assert level in line and message in line
-    assert not (asset / "out").exists()

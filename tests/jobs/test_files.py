@@ -1,13 +1,16 @@
 """Jobs from files to files: what they write, what they return, and what they refuse."""
 
+import json
+import math
 from pathlib import Path
 
 import pytest
 
 import texbake
 from texbake import BakeOptions
-from texbake.errors import FileFormatError, MeshError
+from texbake.errors import FileError, FileFormatError, MeshError
 from texbake.jobs.maps import BakeFiles, bake_files
+from texbake.jobs.outputs import write_report
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.info import info_file
 from texbake.verbs.make import make_file
@@ -74,3 +77,27 @@ def test_a_shape_that_cannot_be_measured_is_not_written(folder: Path, radius: fl
     with pytest.raises(MeshError, match="its areas cannot be computed; scale it first"):
         make_file("sphere", output, texbake.MakeOptions(radius=radius))
     assert not output.exists()
+
+
+def test_a_report_comes_back_as_it_was(tmp_path: Path) -> None:
+    report = {"a": [1, 2.5, None], "b": {"c": True, "d": "é"}, "e": (1, 2)}
+    write_report(tmp_path / "r.json", {**report, "f": Path("g/h.png")})
+    read = json.loads((tmp_path / "r.json").read_text("utf-8"))
+    assert read == {**report, "e": [1, 2], "f": "g/h.png"}
+
+
+def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
+    write_report(tmp_path / "r.json", {"psnr": math.inf, "deep": [{"mean": math.nan}]})
+    text = (tmp_path / "r.json").read_text()
+    assert json.loads(text) == {"psnr": None, "deep": [{"mean": None}]}
+    assert "NaN" not in text
+
+
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+    path = tmp_path / "r.json"
+    path.write_text("earlier")
+    with pytest.raises(TypeError):
+        write_report(path, {"what": object()})
+    assert path.read_text() == "earlier"
+    with pytest.raises(FileError, match="there is no folder"):
+        write_report(tmp_path / "no" / "r.json", {})
