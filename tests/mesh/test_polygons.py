@@ -118,6 +118,15 @@ def test_polygons_without_area_have_triangles_too():
             assert len(cut(points)) == len(points) - 2
 
 
+def test_vertices_that_are_not_there_are_the_nearest_that_are():
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(20, 3))  # the polygons are of the first ten
+    corners, sizes = rng.integers(-9, 20, 400), np.tile([3, 5], 50)
+    found, _ = triangulated("it", points[:10], corners, sizes)
+    known, _ = triangulated("it", points[:10], corners.clip(0, 9), sizes)
+    np.testing.assert_array_equal(found, known)
+
+
 def test_a_polygon_of_many_corners_is_cut_at_once():
     turns = 2 * np.pi * np.arange(100_000) / 100_000
     radii = np.random.default_rng(0).uniform(1, 2, len(turns))

@@ -86,17 +86,25 @@ def test_a_picture_shows_the_values_at_each_point(scan, filter_name, wrap):
     np.testing.assert_allclose(seen.reshape(-1, 3), expected, atol=2e-3)
 
 
-def test_bake_texture_takes_a_volume(scan, tmp_path):
+@pytest.mark.parametrize("scale", [None, (0.1, 0.2, 0.15)])
+def test_a_volume_fills_the_box_of_a_mesh_or_stands_at_the_origin_by_its_scale(scan, scale):
+    corner = np.array([1.0, 2.0, 3.0])
     mesh = plane(2, 2)
-    mesh = mesh.replace(positions=4.0 * mesh.positions + (1.0, 2.0, 3.0))
-    options = SolidOptions(volume=(str(scan),), size=16, samples=1, padding=0)
+    mesh = mesh.replace(positions=4.0 * mesh.positions + corner)
+    options = SolidOptions(volume=(str(scan),), scale=scale, size=16, samples=1, padding=0)
     found = bake_solid(mesh, options).values
     steps = (np.arange(16) + 0.5) / 16
     x, y = np.meshgrid(steps, steps[::-1])
     points = np.stack([x, y, 0 * x], axis=-1).reshape(-1, 3)
-    expected = volume_lookup(read_volume(scan), points, wrap="clamp")
+    places = points if scale is None else (4.0 * points + corner) * scale
+    expected = volume_lookup(read_volume(scan), places, wrap="clamp")
     np.testing.assert_allclose(found.reshape(-1, 1), expected, atol=1e-5)
 
+
+def test_bake_texture_takes_a_volume(scan, tmp_path):
+    mesh = plane(2, 2)
+    options = SolidOptions(volume=(str(scan),), size=16, samples=1, padding=0)
+    found = bake_solid(mesh, options).values
     write_mesh(mesh, tmp_path / "a.obj")
     run = CliRunner().invoke(
         texbake,
