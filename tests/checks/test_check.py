@@ -248,6 +248,12 @@ def test_turned_axes_are_named_where_the_boxes_do_not_tell(turn, words, moved):
     assert words in found["differing-axes"].problem
 
 
+def test_the_ends_of_a_short_open_edge_are_no_crack():
+    points = [[0, 0, 0], [1e-8, 0, 0], [0, 1, 0], [1, 0, 0], [-1, 0, 0]]
+    fan = Mesh(positions=points, faces=[[0, 1, 2], [1, 3, 2], [4, 0, 2]])
+    assert "cracks" not in counts(check(fan))
+
+
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 1\n"
 
 
