@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.glb import read_glb
 from texbake.errors import OptionError, ReadWarning, heard_warnings
 from texbake.jobs.options import LightenOptions, RunOptions
 from texbake.mesh.compose import join_meshes
@@ -149,16 +150,21 @@ def test_alpha_is_there_only_where_it_is_asked_for(light):
     assert alpha.max() == 1.0
 
 
-def test_the_same_model_gives_the_same_bytes(model, light, tmp_path):
-    done, _, _ = light
-    first = done.files[0].read_bytes()
-    for threads in 1, 3:
-        again = lighten_file(
-            model,
-            tmp_path / "light.glb",
-            replace(OPTIONS, threads=threads),
-        )
-        assert again.files[0].read_bytes() == first
+def test_the_same_model_gives_the_same_bytes_also_in_several_files(model, light, tmp_path):
+    document, data = read_glb(model)
+    image = document["images"][0]
+    view = document["bufferViews"][image.pop("bufferView")]
+    first = view.get("byteOffset", 0)
+    image["uri"], document["buffers"][0]["uri"] = "the%20paint.png", "a%20buffer.bin"
+    folder = tmp_path / "apart"
+    folder.mkdir()
+    (folder / "the paint.png").write_bytes(data[first : first + view["byteLength"]])
+    (folder / "a buffer.bin").write_bytes(data)
+    (folder / "two.gltf").write_text(json.dumps(document))
+    for path, threads in ((model, 3), (folder / "two.gltf", 1)):
+        again = lighten_file(path, tmp_path / "light.glb", replace(OPTIONS, threads=threads))
+        assert again.files[0].read_bytes() == light[0].files[0].read_bytes()
+    assert again.report.n_bytes_before == sum(file.stat().st_size for file in folder.iterdir())
 
 
 def test_a_channel_that_is_one_number_needs_no_image(tmp_path):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote
@@ -16,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
-from texbake.errors import first_few
+from texbake.errors import FileError, first_few
 from texbake.files import PathLike
 from texbake.limits import file_beside
 from texbake.mesh.files.gltf_document import read_document
@@ -309,16 +310,19 @@ def model_bytes(model: PathLike, materials: Materials) -> int:
     total = path.stat().st_size
     if path.suffix.lower() == ".glb":
         return total
+    if path.suffix.lower() == ".gltf":
+        document = read_document(path)
+        files = set()
+        for item in (*document.items("buffers"), *document.items("images")):
+            uri = item.get("uri")
+            if isinstance(uri, str) and not uri.startswith("data:"):
+                with suppress(FileError):  # an image that is not read
+                    files.add(file_beside(path, unquote(uri)))
+        return total + sum(file.stat().st_size for file in files if file.is_file())
     images = {
         source.image.name: len(source.image.data)
         for material in materials.materials
         for source in material.channels.values()
         if source.image is not None
     }
-    total += sum(images.values())
-    if path.suffix.lower() == ".gltf":
-        document = read_document(path)
-        uris = [buffer.get("uri", "data:") for buffer in document.items("buffers")]
-        files = [file_beside(path, unquote(uri)) for uri in uris if not uri.startswith("data:")]
-        total += sum(file.stat().st_size for file in files if file.is_file())
-    return total
+    return total + sum(images.values())
