@@ -65,9 +65,21 @@ def test_a_build_makes_everything_and_the_next_nothing(write, run, contents):
     assert contents(path.parent / "build") == before
 
 
-def test_less_memory_gives_the_same_bytes(write, run, contents, monkeypatch):
+@pytest.mark.parametrize(
+    ("choices", "n_in_chunks"),
+    [
+        ("", 2),
+        ('maps = ["curvature"]\n', 0),  # it needs the whole mesh
+        ('maps = ["base-color"]\nhigh_texture = "./white.png"\n', 0),
+    ],
+)
+def test_less_memory_gives_the_same_bytes(
+    write, run, contents, monkeypatch, tmp_path, choices, n_in_chunks
+):
+    write_image(np.ones((4, 4, 3), np.float32), tmp_path / "white.png")
     path = write()
-    run(path)
+    path.write_text(path.read_text() + choices)
+    assert run(path)[0].ok
     before = contents(path.parent / "build")
     in_chunks = []
     trees = RayScene.trees
@@ -79,7 +91,7 @@ def test_less_memory_gives_the_same_bytes(write, run, contents, monkeypatch):
 
     monkeypatch.setattr(RayScene, "trees", spy)
     again, steps = run(path, folder=path.parent / "small", max_memory="1M")
-    assert again.ok and len(steps) == 6 and len(in_chunks) == 2
+    assert again.ok and len(steps) == 6 and len(in_chunks) == n_in_chunks
     assert contents(path.parent / "small") == before
     # It is not a setting: built steps stay valid.
     assert run(path, max_memory="1M")[1] == []

@@ -103,14 +103,6 @@ def test_polygons_that_cross_themselves_are_counted(n, axes):
         triangulated("it", star, np.tile(np.arange(n), 2), np.array([n, n]))
 
 
-def test_no_place_beyond_the_last_is_read():
-    """Such an index counts as the last; readers refuse it afterwards."""
-    places = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), *[(0.2, 0.1, 0)] * 4], float)
-    for last in (3, 4, 7):
-        corners, _ = triangulated("it", places[:4], np.array([0, 1, 2, last]), np.array([4]))
-        assert corners.tolist() == [[0, 1, 2], [0, 2, 3]]
-
-
 def test_polygons_without_area_have_triangles_too():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
