@@ -76,3 +76,18 @@ def test_a_file_that_is_saved_without_a_pause_is_built(write, monkeypatch, tmp_p
     watch(path, built=seen.append, until=lambda: len(seen) == 3 or saves > 100)
     assert all(isinstance(result, BuildResult) and result.ok for result in seen)
     assert len(seen) == 3
+
+
+def test_a_saved_file_that_an_input_names_is_built_again(write, tmp_path):
+    write_mesh(uv_sphere(4, 8), tmp_path / "a.obj")
+    mesh = (tmp_path / "a.obj").read_bytes()
+    (tmp_path / "a.obj").write_bytes(b"mtllib a.mtl\n" + mesh)
+    path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
+    seen = []
+
+    def built(result):
+        seen.append(result)
+        (tmp_path / "a.mtl").write_text(f"newmtl m{len(seen)}\n")
+
+    watch(path, built=built, until=lambda: len(seen) == 2, poll_seconds=0.01)
+    assert [len(result.assets) for result in seen if result.ok] == [1, 1]

@@ -334,6 +334,7 @@ def _signatures(path: PathLike, options: BuildOptions) -> dict[str, Any]:
             files.update(node.files)
     except TexbakeError:
         pass  # the build has reported it
+    named: set[str] = set()
     for file in files:
-        files.update(followed_files(file, lambda name: map(str, sidecars(Path(name)))))
-    return {file: file_signature(Path(file)) for file in sorted(files)}
+        named.update(followed_files(file, lambda name: map(str, sidecars(Path(name)))))
+    return {file: file_signature(Path(file)) for file in sorted(files | named)}
