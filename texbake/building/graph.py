@@ -303,7 +303,8 @@ def _check_outputs(
     """Raise where two outputs have one name, one lies in another, or would overwrite an input."""
     owners: dict[str, Node] = {}
     for node in nodes:
-        for name in node.published.values():
+        names = list(node.published.values())
+        for name in names:
             other = owners.setdefault(name, node)
             if other is not node:
                 raise node.table.fault(
@@ -311,11 +312,11 @@ def _check_outputs(
                     f"{' '.join(other.id)} and {' '.join(node.id)} both write {quoted(name)}; "
                     "put {asset} or {step} into the pattern",
                 )
-        if len(set(node.published.values())) < len(node.published):
-            raise node.table.fault(
-                "output",
-                f"several outputs are called {quoted(name)}; put {{output}} into the pattern",
-            )
+            if names.count(name) > 1:
+                raise node.table.fault(
+                    "output",
+                    f"several outputs are called {quoted(name)}; put {{output}} into the pattern",
+                )
     for name, node in owners.items():
         for folder in PurePosixPath(name).parents:
             if (inside := owners.get(str(folder))) is not None:
