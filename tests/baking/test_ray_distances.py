@@ -90,7 +90,7 @@ def test_each_vertex_reaches_as_far_as_the_surface_around_it():
     high = Mesh(positions=high.positions + step[:, None] * [0, 0, 1], faces=high.faces)
     low = plane(16, 16)
     scenes = BakeScenes.build(high, low, Stages())
-    reach = scenes.reach("smooth")
+    reach = scenes.reach(scenes.low, "smooth")
     front = scenes.frame.length_to_model(reach[..., 0])
     x = low.positions[low.faces, 0]
     assert front[x > 0.5] == pytest.approx(0.25 * MARGIN, rel=0.01)

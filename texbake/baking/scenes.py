@@ -38,6 +38,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import weld_rows
 from texbake.progress import Stages
 from texbake.raycast.orientation import OrientationReport, oriented_in
 from texbake.raycast.rays import NO_HIT, Rays
@@ -125,24 +126,33 @@ class BakeScenes:
             max(extent.front for extent in extents), max(extent.back for extent in extents)
         )
 
-    def reach(self, kind: str) -> FloatArray:
-        """(F, 3, 2) float64: local distances of rays of a kind at each corner; measured once."""
+    def reach(self, low: Mesh, kind: str) -> FloatArray:
+        """(F, 3, 2) float64: local distances of rays of a kind at each corner; measured once.
+
+        `low`: the low-poly mesh, or that mesh with the texture coordinates of a tile. On a tile,
+        the rays of faces that coincide are all as long as those of the first.
+        """
         if kind not in self._reaches:
             extent = self.extent((kind,))
             _, probe = self._measured[kind]
             n_points = min(_POINTS_PER_FACE * self.low.n_faces, _HIGH_POINTS)
-            if n_points > len(probe.faces):
+            # A tile is probed again as well, no farther than its rays go.
+            if low is not self.low or n_points > len(probe.faces):
                 limit = float(self.frame.length_to_local(max(extent.front, extent.back)))
                 n_points = max(n_points, self._n_points)
                 probe = probe_both_ways(self.high, self.low, kind, n_points, limit)
             self._reaches[kind] = measure_ray_distances(
                 self.high.source, self.low, self.frame, probe, threads=self.high.threads
             )
-        return self._reaches[kind]
+        reaches = self._reaches[kind]
+        if low is self.low:
+            return reaches
+        corners = weld_rows(low.positions)[low.faces]
+        return np.asarray(reaches[weld_rows(corners)])
 
-    def fitted(self, field: RayField, kind: str) -> RayField:
+    def fitted(self, field: RayField, low: Mesh, kind: str) -> RayField:
         """Return rays that reach as far as each vertex needs, and never farther than a field's."""
-        return field.with_reaches(np.minimum(self.reach(kind), (field.front, field.back)))
+        return field.with_reaches(np.minimum(self.reach(low, kind), (field.front, field.back)))
 
     @cached_property
     def low_scene(self) -> RayScene:

@@ -180,7 +180,7 @@ class Trace:
             with self.stages.stage("measure distances"):
                 extent = scenes.extent(kinds)
                 if fits_vertices:
-                    scenes.reach(options.rays)
+                    scenes.reach(self.low, options.rays)
             most = np.inf if options.max_reach is None else options.max_reach
             if self.front is None and self.cage is None:
                 self.front = min(extent.front, most)
@@ -198,10 +198,10 @@ class Trace:
             )
             if not fits_vertices:
                 return longest
-            fitted = scenes.fitted(longest, options.rays)
+            fitted = scenes.fitted(longest, self.low, options.rays)
             assert fitted.reaches is not None
             if options.max_reach is not None:
-                wanted = scenes.reach(options.rays)
+                wanted = scenes.reach(self.low, options.rays)
                 self.counts.faces_limited = int((wanted > fitted.reaches).any(axis=(1, 2)).sum())
             medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
             front, back = scenes.frame.length_to_model(medians).tolist()

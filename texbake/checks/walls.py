@@ -46,7 +46,7 @@ def wall_findings(pair: MeshPair) -> list[Finding | None]:
     longest = RayField(
         low.mesh, frame, kind=kind, front=reach.front, back=reach.back, threads=threads
     )
-    rays = scenes.fitted(longest, kind).rays(samples)
+    rays = scenes.fitted(longest, low.mesh, kind).rays(samples)
     hits = scene.cast(rays)
     # Heights of the hits on the high-poly surface above the faces; NaN for a ray that misses.
     heights = np.where(hits.faces == NO_HIT, np.nan, rays.fronts - hits.distances)

@@ -210,6 +210,22 @@ def test_tiles_are_shifted_bakes(samples, tile):
         assert_same(result.targets[BakeTarget("", udim)], alone)
 
 
+def test_faces_that_coincide_are_equal_on_their_tiles():
+    """A patch above the plane lengthens the rays of the copy that it is closest to."""
+    patch = plane(2, 2).replace(name="patch")
+    patch = patch.replace(positions=patch.positions * 0.1 + np.array([0.4, 0.4, 0.1]))
+    low = plane(8, 8)
+    moved = low.replace(uvs=low.uvs * 0.98 + np.array([1.01, 0.01]))
+    low = join_meshes([low.replace(uvs=low.uvs * 0.98 + 0.01), moved])
+    chosen = options(maps=("displacement",))
+    tiles = bake_parts(
+        [join_meshes([plane(16, 16), patch])], [low], chosen, PartsOptions(udim=True)
+    )
+    first, second = (baked.maps["displacement"].values for baked in tiles.targets.values())
+    assert first.max() > 0.09
+    assert second == pytest.approx(first, abs=1e-6)
+
+
 def test_sets_of_groups_together_cover_what_one_set_covers():
     chosen = options(maps=("normal",), padding=0)
     plain = bake(HIGH, LOW, chosen)
