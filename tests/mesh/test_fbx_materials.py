@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.fbx_writer import POINTS, binary, layer, properties, rich_scene, scene, written
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake.limits import file_beside
+from texbake.mesh.files import fbx_materials, read_mesh, write_mesh
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.fbx_materials import has_alpha
 from texbake.mesh.materials import UNPLACED, read_materials
@@ -321,3 +322,23 @@ def test_images_lie_in_the_folder_of_the_file(read, tmp_path, name):
     assert "blue" in found.notes()[0]
     (tmp_path / "model" / "b.png").write_bytes(b"inside")
     assert read(texture).sources("base-color")[1].image.data == b"inside"
+
+
+def test_a_texture_that_many_materials_share_is_read_once(tmp_path, monkeypatch):
+    """Ten thousand materials may share a texture of as many videos."""
+    file = ("RelativeFilename", ["missing.png"], [])
+    nodes = rich_scene(7400)
+    objects, connections = nodes[1][2], nodes[2][2]
+    objects.append(("Texture", [60, "paint\0\1Texture", ""], [file]))
+    for i in range(20):
+        objects.append(("Material", [100 + i, f"m{i}\0\1Material", ""], []))
+        objects.append(("Video", [200 + i, f"v{i}\0\1Video", ""], [file]))
+        connections.append(("C", ["OO", 200 + i, 60], []))
+        connections.append(("C", ["OP", 60, 100 + i, "DiffuseColor"], []))
+    (tmp_path / "a.fbx").write_bytes(binary(nodes))
+    names = []
+    monkeypatch.setattr(
+        fbx_materials, "file_beside", lambda *place: names.append(place) or file_beside(*place)
+    )
+    assert read_contents(tmp_path / "a.fbx").images == {"missing.png": None}
+    assert len(names) < 100

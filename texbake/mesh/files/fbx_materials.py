@@ -227,10 +227,13 @@ def first_image(scene: FbxScene, texture: FbxObject) -> tuple[bytes | None, str]
 
     Where there is none, None and the file name that the texture asks for, which may be empty.
     """
-    holders = [*scene.members_of(texture.key, "Video"), texture]
-    names = list(chain.from_iterable(map(image_names, holders)))
-    image = next(_images(scene, holders, names), None)
-    return image or (None, PurePosixPath(next(iter(names), "")).name)
+    if texture.key not in scene.first_images:
+        holders = [*scene.members_of(texture.key, "Video"), texture]
+        names = list(chain.from_iterable(map(image_names, holders)))
+        image = next(_images(scene, holders, names), None)
+        missing = PurePosixPath(next(iter(names), "")).name
+        scene.first_images[texture.key] = image or (None, missing)
+    return scene.first_images[texture.key]
 
 
 def _images(

@@ -67,11 +67,18 @@ class FbxScene:
     images: dict[str, bytes] = field(default_factory=dict, repr=False)
     # For each name, the first object whose image has been read.
     named: dict[str, Id] = field(default_factory=dict, repr=False)
+    # Results of `first_image` and of `members_of`: many materials may share a texture.
+    first_images: dict[Id, tuple[bytes | None, str]] = field(default_factory=dict, repr=False)
+    _members: dict[tuple[Id, str], list[FbxObject]] = field(default_factory=dict, repr=False)
 
     def members_of(self, key: Id, node_name: str) -> list[FbxObject]:
         """Objects of a kind of node that are connected to an object, in order."""
-        found = (self.objects.get(member) for member, _ in self.members.get(key, ()))
-        return [item for item in found if item is not None and item.node.name == node_name]
+        if (key, node_name) not in self._members:
+            found = (self.objects.get(member) for member, _ in self.members.get(key, ()))
+            self._members[key, node_name] = [
+                item for item in found if item is not None and item.node.name == node_name
+            ]
+        return self._members[key, node_name]
 
     def textures_of(self, key: Id) -> dict[str, FbxObject]:
         """Textures connected to properties of an object, the first for each property."""
