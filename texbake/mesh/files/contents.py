@@ -149,9 +149,12 @@ def _of_obj(path: Path) -> FileContents:
     data = read_obj_text(path).tobytes()
     materials: list[MaterialContent] = []
     images: dict[str, bytes | None] = {}
-    for library in library_names(path, data):
-        with suppress(FileError):  # of a library that is not in the folder
-            _add_library(file_beside(path, library), materials, images)
+    for name in library_names(path, data):
+        try:
+            library = file_beside(path, name)
+        except FileError:  # it is not in the folder
+            continue
+        _add_library(library, materials, images)
     has_uvs = re.search(rb"^vt\s", data, re.MULTILINE) is not None
     return FileContents(
         materials=tuple(materials),
