@@ -191,7 +191,7 @@ def _uniform_columns(
         row.append((f"{number}", dtype, shape))
         at += dtype.itemsize * math.prod(shape)
     end = first + element.n_rows * (at - first)
-    if max(at, end) > len(data):
+    if max(at, end) > len(data) or at - first >= 1 << 31:  # the most that NumPy has in a row
         return None
     rows = np.ndarray(element.n_rows, np.dtype(row), data, first)
     if any((rows[name] != length).any() for name, length in lengths.items()):
