@@ -186,7 +186,7 @@ def scenes_page(page: str) -> str:
             rf"(^#+ {re.escape(heading)}\n(?:(?!\||#).*\n)*)((?:\|.*\n)+)",
             re.MULTILINE | re.IGNORECASE,
         )
-        made = keys_table(keys, schema=schema)
+        made = keys_table(keys)
         page, n = pattern.subn(lambda found, made=made: f"{found[1]}{made}\n", page)
         assert n == 1, f"no table below {heading}"
     return page
@@ -213,9 +213,7 @@ def _whole(schema: Mapping[str, Any]) -> Mapping[str, Any]:
     return next((part for part in schema.get("anyOf", ()) if "properties" in part), schema)
 
 
-def keys_table(
-    of: Mapping[str, Any], *, without: Iterable[str] = (), schema: Mapping[str, Any] | None = None
-) -> str:
+def keys_table(of: Mapping[str, Any], *, without: Iterable[str] = ()) -> str:
     """Write the keys of a table: values, default, meaning."""
     required = of.get("required", ())
     rows = []

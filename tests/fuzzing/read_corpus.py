@@ -23,7 +23,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +113,7 @@ def wrong_with_inputs(
         candidate = Path(folder) / f"mutant{suffix}"
         mutated = mutants_of(name, [seed_file.read_bytes(), *known], n_bytes, seed)
         with bounded_memory():
-            for number, data in enumerate([*known, *mutated]):
+            for number, data in enumerate(chain(known, mutated)):
                 candidate.write_bytes(data)
                 fault = fault_of(read, candidate)
                 if fault is not None:

@@ -1,4 +1,5 @@
-/* Faces that fold over, or shrink to nothing, when their vertices move, and quads divided without.
+/* Faces that fold over, or shrink to nothing, when their vertices move; and quads divided into
+   triangles that do not.
 
    Called from texbake/mesh/remeshing/solid.py and projection.py. */
 

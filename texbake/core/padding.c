@@ -12,7 +12,7 @@
    texel that lies within the padding of two charts. Gortler et al., "The Lumigraph", 1996, section
    4.3, for push-pull, with weights of 0 or 1 in every level.
 
-   Called from texbake/texture/padding.py. */
+   Called from texbake/texture/padding.py and texbake/baking/texel_values.py. */
 
 #include <math.h>
 #include <stdlib.h>

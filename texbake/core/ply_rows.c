@@ -1,6 +1,6 @@
 /* Rows of a PLY element with lists in them.
 
-   Called from texbake/mesh/files/ply_tables.py. */
+   Called from texbake/mesh/files/ply_tables.py and texbake/mesh/streamed/source.py. */
 
 #include <stddef.h>
 #include <string.h>

@@ -3,7 +3,7 @@
    A cell of level k is a square of which 4^k make up a texel; its spot is FINE times its row plus
    its column within the texel, both counted in cells of its level.
 
-   Called from texbake/baking/adaptive_texels/texel_sampler.py and coverage.py. */
+   Called from texel_sampler.py, texel_error.py and coverage.py of texbake/baking/adaptive_texels. */
 
 #include "quadtree.h"
 

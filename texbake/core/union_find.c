@@ -5,8 +5,8 @@
 
    Based on: Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975.
 
-   Called from texbake/mapping/seams.py, texbake/mesh/hard_edges.py and
-   texbake/mesh/topology.py. */
+   Called from texbake/mapping/seams.py, texbake/mesh/hard_edges.py, texbake/mesh/topology.py and
+   texbake/mesh/remeshing/boundary.py. */
 
 #include "arena.h"
 #include "core.h"
