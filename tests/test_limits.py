@@ -24,8 +24,11 @@ from texbake.errors import (
 from texbake.limits import (
     ALLOW_OUTSIDE,
     MAX_IMAGE,
+    MAX_TRIANGLES,
+    allows_outside,
     file_beside,
     is_within,
+    most_triangles,
     parse_seconds,
     require_image_size,
     toml_content,
@@ -295,6 +298,21 @@ def test_the_side_that_is_named_is_the_least_that_suffices(width, height, n_chan
     monkeypatch.setenv(MAX_IMAGE, str(side - 1))
     with pytest.raises(FileFormatError):
         require_image_size("a.png", width, height, n_channels)
+
+
+@pytest.mark.parametrize("text", ["many", "-1", "1" * 5000])
+@pytest.mark.parametrize(
+    ("variable", "read"),
+    [
+        (MAX_IMAGE, lambda: require_image_size("a.png", 1, 1, 1)),
+        (MAX_TRIANGLES, lambda: most_triangles(9)),
+        (ALLOW_OUTSIDE, allows_outside),
+    ],
+)
+def test_a_variable_with_another_value_is_one_line(variable, read, text, monkeypatch):
+    monkeypatch.setenv(variable, text)
+    with pytest.raises(OptionError, match=rf"^{variable}: '[^\n]{{1,100}} is n[^\n]*$"):
+        read()
 
 
 def test_any_number_of_options_may_stand_before_the_name_of_a_map():
