@@ -14,7 +14,7 @@ from texbake.jobs.outputs import write_report
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.info import info_file
 from texbake.verbs.make import make_file
-from texbake.verbs.remap import remap_files
+from texbake.verbs.map_bakes import remap_files
 from texbake.verbs.simplify import simplify_file, simplify_levels
 from texbake.verbs.unwrap import unwrap_files
 

@@ -21,9 +21,8 @@ from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOption
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import write_image
 from texbake.texture.material_images import components_of, image_codes
-from texbake.verbs.repair import repair_file
+from texbake.verbs.meshes import repair_file, transform_file
 from texbake.verbs.simplify import simplify_file, simplify_levels
-from texbake.verbs.transform import transform_file
 from texbake.verbs.unwrap import unwrap_files
 
 CODES = np.random.default_rng(3).integers(0, 255, (4, 6, 8, 4), np.uint8)

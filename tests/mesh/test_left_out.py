@@ -20,7 +20,7 @@ from texbake.mesh.interchange import to_trimesh
 from texbake.mesh.materials import read_materials
 from texbake.mesh.shapes import cube, icosphere
 from texbake.rendering.scene.read import read_scene
-from texbake.verbs.transform import transform_file
+from texbake.verbs.meshes import transform_file
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 NAN, INF = float("nan"), float("inf")

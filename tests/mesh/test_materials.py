@@ -9,7 +9,7 @@ from texbake.jobs.material_transfer import compared_without
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import UNPLACED, ChannelSource, Materials, MeshMaterial, read_materials
 from texbake.mesh.shapes import cube, plane
-from texbake.verbs.transform import transform_file
+from texbake.verbs.meshes import transform_file
 
 SQUARES = """mtllib {library}
 v 0 0 0

@@ -12,7 +12,7 @@ from texbake.mesh.normals import face_normals
 from texbake.mesh.options import TransformOptions
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.transform import subdivide, transform
-from texbake.verbs.transform import transform_file
+from texbake.verbs.meshes import transform_file
 
 BALL = uv_sphere(5, 7)
 POINTS = BALL.positions

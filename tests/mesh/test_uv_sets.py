@@ -14,7 +14,7 @@ from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import MOST_UV_SETS, UvSet
 from texbake.mesh.shapes import cube, uv_sphere
-from texbake.verbs.transform import transform_file
+from texbake.verbs.meshes import transform_file
 from texbake.verbs.unwrap import unwrap_files
 
 

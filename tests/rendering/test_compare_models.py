@@ -93,7 +93,7 @@ def test_errors_are_those_of_the_pixels_that_either_model_touches(tmp_path: Path
 
 def test_other_formats_show_their_materials(tmp_path: Path) -> None:
     """An OBJ file with an image for its roughness, and its GLB, packed as glTF has it."""
-    from texbake.verbs.transform import transform_file
+    from texbake.verbs.meshes import transform_file
 
     write_mesh(uv_sphere(8, 12), tmp_path / "a.obj")
     text = (tmp_path / "a.obj").read_text()

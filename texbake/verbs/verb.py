@@ -30,10 +30,11 @@ Rows = list[tuple[str, str]]
 
 # Modules of several verbs; each of the others stands in the module of its own name.
 _MODULES = {
-    "map_bakes": ("bake-normals", "bake-displacement"),
+    "map_bakes": ("bake-normals", "bake-displacement", "remap"),
+    "texture_bakes": ("bake-texture", "bake-lightmap"),
     "channels": ("pack-channels", "split-channels"),
     "conversions": ("height-to-normal", "normal-to-height", "mipmap", "cubemap"),
-    "transform": ("transform", "convert"),
+    "meshes": ("repair", "transform", "convert", "remesh"),
     "whole_jobs": ("run", "lighten", "demo"),
 }
 
