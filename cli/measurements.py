@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from texbake.study.bench.options import BenchOptions
-from texbake.study.options import StudyOptions
+from texbake.study.options import BenchOptions, StudyOptions
 
 from .options import MESH_SUFFIXES, SCENE_SUFFIXES, options_of, output_folder
 from .terminal import Terminal, columns, terminal_options

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import click
-from texbake_cli.lazy import GROUPS
-from texbake_cli.main import texbake as commands
+from texbake_cli.main import GROUPS, texbake as commands
 from texbake_cli.signals import EXIT_CODES
 
 import texbake as texbake_package

@@ -105,7 +105,7 @@ def test_quiet_prints_the_table_alone(invoke: Invoke, overlapping: str) -> None:
 
 
 def test_remedies_name_the_commands_that_there_are():
-    from texbake_cli.lazy import COMMANDS
+    from texbake_cli.main import COMMANDS
 
     from texbake.checks.kinds import KINDS
 

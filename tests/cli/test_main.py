@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.failures import failures_as_one_line
-from texbake_cli.lazy import COMMANDS
-from texbake_cli.main import texbake
+from texbake_cli.main import COMMANDS, texbake
 from texbake_cli.signals import Terminated
 
 import texbake as package

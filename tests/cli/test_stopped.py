@@ -13,8 +13,7 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from texbake_cli.lazy import COMMANDS
-from texbake_cli.main import texbake
+from texbake_cli.main import COMMANDS, texbake
 from writing_commands import LINES, READING, contents, make_inputs
 
 from tests.cli.conftest import Invoke, Run

@@ -9,8 +9,7 @@ from texbake_cli.measurements import bench, study
 from texbake.errors import OptionError
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane
-from texbake.study.bench.options import CASE_NAMES, PROGRAM_NAMES, TASK_NAMES
-from texbake.study.options import KNOB_NAMES
+from texbake.study.options import CASE_NAMES, KNOB_NAMES, PROGRAM_NAMES, TASK_NAMES
 
 
 def test_a_quick_study_of_two_knobs(tmp_path):

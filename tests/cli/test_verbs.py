@@ -11,8 +11,7 @@ from typing import get_origin
 import click
 import pytest
 from click.testing import CliRunner, Result
-from texbake_cli.lazy import COMMANDS
-from texbake_cli.main import texbake
+from texbake_cli.main import COMMANDS, texbake
 from writing_commands import LINES, contents, make_inputs
 
 from texbake import write_mesh

@@ -10,11 +10,11 @@ import pytest
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.study.bench.cases import made_case
-from texbake.study.bench.options import TASK_NAMES, BenchOptions
 from texbake.study.bench.programs import PROGRAMS, Product, Program
 from texbake.study.bench.run import run_bench
 from texbake.study.bench.tasks import TASKS, unwrap_error
 from texbake.study.bench.write import write_bench
+from texbake.study.options import TASK_NAMES, BenchOptions
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.study.bench.cases import made_case, own_case
-from texbake.study.bench.options import CASE_NAMES
+from texbake.study.options import CASE_NAMES
 from texbake.study.truth.surfaces import ImplicitSurface
 
 

@@ -8,15 +8,15 @@ import pytest
 from texbake_cli.main import texbake as command_line
 
 from texbake.errors import OptionError
-from texbake.study.bench.options import (
+from texbake.study.bench.programs import PROGRAMS, RUNNERS
+from texbake.study.bench.tasks import TASKS
+from texbake.study.options import (
     BLENDER_VARIABLE,
     CASE_NAMES,
     PROGRAM_NAMES,
     TASK_NAMES,
     BenchOptions,
 )
-from texbake.study.bench.programs import PROGRAMS, RUNNERS
-from texbake.study.bench.tasks import TASKS
 
 JOB = {
     "high": "high.ply", "low": "low.obj", "mesh": "mesh.ply", "scene": "scene.toml", "gap": 2,

@@ -5,11 +5,11 @@ import io
 
 import pytest
 
-from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.result import BenchResult, Contest, Failure
 from texbake.study.bench.tasks import TASKS
 from texbake.study.bench.write import markdown
 from texbake.study.knob import Evaluation, Setting
+from texbake.study.options import BenchOptions
 from texbake.study.result import Measurement
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from texbake.study.bench.options import BLENDER_VARIABLE, BenchOptions
+from texbake.study.options import BLENDER_VARIABLE, BenchOptions
 
 Settings = list[tuple[str, dict[str, Any]]]
 Job = Mapping[str, Any]

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.tasks import BenchTask
+from texbake.study.options import BenchOptions
 from texbake.study.result import MEASURED, Measurement, ParetoRanking, pareto_front, settings_csv
 
 SCHEMA = "texbake-bench-1"

@@ -24,13 +24,13 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.pages.page import duration, number
 from texbake.progress import ProgressSink, Stages
 from texbake.study.bench.cases import BenchCase, made_case, own_case
-from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import PROGRAMS, Finished, Product, Program, run_process
 from texbake.study.bench.result import BenchResult, Contest, Failure
 from texbake.study.bench.tasks import TASKS, BenchTask, Prepared
 from texbake.study.bench.write import write_bench
 from texbake.study.findings import amount
 from texbake.study.knob import Evaluation, Experiment, Setting
+from texbake.study.options import BenchOptions
 from texbake.study.plots import check_matplotlib
 from texbake.study.runner import machine_figures, run_experiment
 

@@ -29,9 +29,9 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import picture_error
 from texbake.study.bench.cases import BenchCase, mesh_file, pair_files
-from texbake.study.bench.options import BenchOptions
 from texbake.study.bench.programs import Product
 from texbake.study.knob import Evaluation
+from texbake.study.options import BenchOptions
 from texbake.study.truth.pictures import RAYS_PER_SIDE, lambert_picture
 from texbake.study.truth.probes import Probes, angles_deg, probe, truth_of
 from texbake.texture.encoding import decode_normals

@@ -10,10 +10,10 @@ from typing import Any
 from texbake.files import PathLike, write_files
 from texbake.pages.page import duration, memory, number, page_html, render
 from texbake.progress import ProgressSink, Stages
-from texbake.study.bench.options import PROGRAM_NAMES
 from texbake.study.bench.programs import PROGRAMS
 from texbake.study.bench.result import OURS, BenchResult, Contest, Match
 from texbake.study.findings import amount
+from texbake.study.options import PROGRAM_NAMES
 from texbake.study.plots import COLORS, Dot, Plot, draw_dots, finished_plot, new_figure, plot_style
 from texbake.study.result import Measurement, figure_names
 from texbake.study.write import PAGE_STYLE, TEMPLATES, crop_uri, titled
