@@ -119,9 +119,14 @@ def names_in(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def test_a_full_disk_loses_nothing(workplace: Path, run: Run) -> None:
-    line = "unwrap low.obj -o there.glb --layout there.png"
-
+@pytest.mark.parametrize(
+    "line",
+    [
+        "unwrap low.obj -o there.glb --layout there.png",
+        "bake-texture low.obj -o there.tif --procedure noise",
+    ],
+)
+def test_a_full_disk_loses_nothing(workplace: Path, run: Run, line: str) -> None:
     def fill_the_disk() -> None:
         # A file may not grow past 4 KiB, as on a full disk.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

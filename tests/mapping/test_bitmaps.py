@@ -70,8 +70,15 @@ def test_charts_without_a_place_are_left_out() -> None:
     assert place_charts(bitmaps, order[found], grid)[2] == 0
 
 
-def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood() -> None:
+@pytest.mark.parametrize("checkered", [False, True])  # the most runs that cells can have
+def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood(checkered: bool) -> None:
     bitmaps = random_bitmaps(2, 6)
+    if checkered:
+        for (width, height), start in zip(
+            bitmaps.boxes.reshape(-1, 2), bitmaps.starts.ravel(), strict=True
+        ):
+            checkers = 1 - np.indices((height, width)).sum(axis=0) % 2
+            bitmaps.masks[start : start + width * height] = checkers.ravel()
     grid = PackingGrid.over((64, 64), 2, most_cells=64)
     shapes = shapes_of(bitmaps, grid.half_widths, turns=4)
     reach = len(grid.half_widths) // 2
