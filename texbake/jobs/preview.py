@@ -89,7 +89,7 @@ def draw_preview(
     space: str | None,
     threads: int | None,
     progress: ProgressSink | None,
-    clock: BudgetClock | None,
+    clock: BudgetClock,
 ) -> PreviewFiles:
     """Draw a picture, several side by side, or a turntable; only plan it without an output."""
     frame = None
@@ -99,7 +99,7 @@ def draw_preview(
             view.scene, options, n_views, output, threads=threads, progress=progress
         )
     elif output is not None:
-        frame = _write_picture(view, variants, output, threads, progress, clock or BudgetClock())
+        frame = _write_picture(view, variants, output, threads, progress, clock)
     changes: tuple[Contribution, ...] = ()
     if frame is not None and contributions:
         changes = contributions_of(

@@ -111,10 +111,9 @@ def with_peak_memory(work: Callable[[], Result]) -> tuple[Result, int | None]:
     The peak that Linux keeps is reset first. None where the system cannot do that.
     """
     gc.collect()
+    # Freed memory that is not returned would hide a later peak.
     with suppress(OSError, AttributeError, TypeError):  # not the GNU C library
-        ctypes.CDLL(None).malloc_trim(
-            0
-        )  # freed memory that is not returned would hide a later peak
+        ctypes.CDLL(None).malloc_trim(0)
     try:
         _CLEAR.write_text(_RESET_PEAK, encoding="ascii")
         before = _status_bytes("VmRSS")

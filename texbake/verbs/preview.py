@@ -172,8 +172,9 @@ def preview_files(
     """
     from texbake.jobs.preview import draw_preview, side_by_side_options, turntable_files
     from texbake.jobs.preview_scene import default_view, open_preview
+    from texbake.sampling.rounds import BudgetClock
 
-    choices = side_by_side or {}
+    clock, choices = clock or BudgetClock(), side_by_side or {}
     is_several = any(len(words) > 1 for words in choices.values())
     if n_views is not None and is_several:
         raise OptionError(
