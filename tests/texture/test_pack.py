@@ -72,10 +72,12 @@ def test_texels_are_copies_with_padding_from_the_edge() -> None:
 
 def test_images_that_do_not_fit_are_made_smaller_alike() -> None:
     ramp = np.tile(np.linspace(0, 1, 128, dtype=np.float32)[:, None, None], (1, 128, 1))
+    ramp = ramp * [1.0, 0.5, 0.25]
     packed = pack_textures([ramp, ramp[:64]], PackOptions(size=(96, 64), padding=1))
     # Side by side they are 2 x 46 wide and 4 texels of padding.
     assert abs(packed.scale * 128 - 46) <= 0.5
-    assert packed.pixels.shape == (64, 96, 1)
+    assert packed.pixels.shape == (64, 96, 3)
+    np.testing.assert_allclose(packed.pixels, packed.pixels[..., :1] * [1.0, 0.5, 0.25], atol=1e-7)
     first, second = packed.places
     assert first.width == second.width == first.height
     assert abs(first.height - 2 * second.height) <= 1
