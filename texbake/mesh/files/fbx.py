@@ -102,11 +102,14 @@ class FbxPart:
     geometry: FbxGeometry
     materials: list[FbxObject]
 
+    def material(self, number: int) -> FbxObject | None:
+        """Return a material of the model; None where it has none of this number."""
+        return self.materials[number] if 0 <= number < len(self.materials) else None
+
     def mesh(self, path: PathLike) -> Mesh:
         """Return the mesh in its own space, with its groups."""
         used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
-        known = {i: material.name for i, material in enumerate(self.materials)}
-        names = (f"{self.model.name}/{known.get(i, i)}" for i in used.tolist())
+        names = (f"{self.model.name}/{getattr(self.material(i), 'name', i)}" for i in used.tolist())
         fields = dict(self.geometry.fields)
         fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
             path, fields["positions"], fields["faces"], fields.get("colors")

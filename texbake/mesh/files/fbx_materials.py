@@ -59,8 +59,7 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     # The groups of the mesh are the materials of its parts, in this order.
     used: list[FbxObject | None] = []
     for part in parts:
-        known = dict(enumerate(part.materials))
-        used += [known.get(i) for i in np.unique(part.geometry.face_materials).tolist()]
+        used += map(part.material, np.unique(part.geometry.face_materials).tolist())
     if not any(used) or mesh.face_groups is None or len(used) != len(mesh.group_names):
         return None
     numbers = {item: i for i, item in enumerate(dict.fromkeys(used))}
