@@ -93,7 +93,6 @@ def test_holes_are_closed_up_to_their_width():
 BOX = transform(cube(), TransformOptions(rotate=(17.0, 29.0, 11.0)))
 SIDES = np.ptp(cube().bounds, axis=0)
 CAVITY = flipped(moved(BOX, scale=0.5))
-CYLINDER = make("cylinder", resolution=(64, 8), caps=True)
 
 
 def by_volume(mesh):
