@@ -142,7 +142,8 @@ def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
     if sys.stdout is not None and sys.stdout.isatty():
         room = shutil.get_terminal_size().columns - 2 * (len(widths) - 1)
         widest = widths.index(max(widths))
-        widths[widest] = max(24, widths[widest] - max(0, sum(widths) - room))
+        least = min(24, widths[widest])
+        widths[widest] = max(least, widths[widest] - max(0, sum(widths) - room))
     for i, row in enumerate(rows):
         cells = [
             cell.rjust(width) if k >= len(row) - numbers else _cut(cell, width).ljust(width)

@@ -7,7 +7,7 @@ import threading
 import pytest
 from texbake_cli.live import Bars, rate_text
 from texbake_cli.progress import JsonLines, Lines
-from texbake_cli.terminal import Terminal, table
+from texbake_cli.terminal import Terminal, columns, table
 
 
 @pytest.mark.parametrize(
@@ -89,6 +89,17 @@ def test_table_aligns_values_and_has_no_color_in_a_pipe(
 ) -> None:
     table([("Rays", ""), ("cast", "1,000"), ("recovered", "3")])
     assert capsys.readouterr().out == "Rays\ncast       1,000\nrecovered  3\n"
+
+
+def test_columns_on_a_terminal_are_as_wide_as_their_cells(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "40")
+    columns([("face", "Dirichlet"), ("7", "4.0")], numbers=2)
+    assert capsys.readouterr().out.splitlines()[1] == "   7        4.0"
+    columns([("why", "px"), (50 * "x", "4")], numbers=1)
+    assert capsys.readouterr().out.splitlines()[1] == 35 * "x" + "…   4"
 
 
 def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> None:
