@@ -1,8 +1,7 @@
-"""Exported assets, shown by three.js and by Blender, and compared with texbake's own picture.
+"""Exported assets, shown by three.js, and compared with texbake's own picture.
 
-three.js runs in Chromium, as `tests/benchmarks/peer_threejs.py` says; Blender where
-TEXBAKE_BLENDER_PYTHON names a Python with bpy 5.0.1. Where one cannot be had, its tests are skipped
-with the reason. `pytest -rP` prints how similar the pictures are.
+three.js runs in Chromium, as `tests/benchmarks/peer_threejs.py` says. Where it cannot be had, the
+tests are skipped with the reason. `pytest -rP` prints how similar the pictures are.
 """
 
 import json
@@ -71,8 +70,8 @@ def assets(tmp_path_factory, meshoptimizer):
     return made
 
 
-def job_of(file, **more):
-    """A picture as the other programs need it; three.js chooses near and far itself."""
+def job_of(file):
+    """A picture as three.js needs it, which chooses near and far itself."""
     world_from_camera = np.eye(4)
     world_from_camera[:3, :3] = CAMERA.axes.T
     world_from_camera[:3, 3] = CAMERA.eye
@@ -85,7 +84,7 @@ def job_of(file, **more):
         "file": str(file), "width": WIDTH, "height": HEIGHT, "fov": CAMERA.fov,
         "clip_from_camera": projection.ravel().tolist(),
         "world_from_camera": world_from_camera.ravel().tolist(),
-        "to_light": TO_LIGHT.tolist(), "light": list(LIGHT), **more,
+        "to_light": TO_LIGHT.tolist(), "light": list(LIGHT),
     }  # fmt: skip
 
 
