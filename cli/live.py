@@ -26,7 +26,7 @@ from .messages import printable
 from .progress import ShownProgress, TimedStage
 
 if TYPE_CHECKING:
-    from texbake.building.progress import BuildEvent
+    from texbake.building.schedule import BuildEvent
 
 
 class Bars(ShownProgress):

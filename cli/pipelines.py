@@ -25,8 +25,8 @@ from .types import FileOf
 
 if TYPE_CHECKING:
     from texbake.building.build import PlannedStep
-    from texbake.building.progress import BuildEvent, BuildListener
     from texbake.building.report import BuildResult
+    from texbake.building.schedule import BuildEvent, BuildListener
 
 _MOST_SHOWN = 20  # failures; of further ones only the number is printed
 

@@ -4,7 +4,8 @@ import pytest
 
 from texbake.building.build import build
 from texbake.building.options import BuildOptions
-from texbake.building.progress import ENDED, BuildEvent
+from texbake.building.resolve import ENDED
+from texbake.building.schedule import BuildEvent
 from texbake.building.task import run_task
 from texbake.building.workers import LocalWorkers
 

@@ -17,8 +17,8 @@ from texbake.building import resolve
 from texbake.building.build import build
 from texbake.building.digests import checksum
 from texbake.building.options import BuildOptions
-from texbake.building.progress import EtaEstimator
 from texbake.building.resolve import size_by_length, size_of
+from texbake.building.schedule import EtaEstimator
 from texbake.building.steps import STEP_KINDS
 from texbake.building.task import Task, memory_advice, run_task
 from texbake.building.workers import LocalWorkers

@@ -126,7 +126,7 @@ def test_the_live_table_shows_running_steps_and_their_times() -> None:
     from rich.console import Console
     from texbake_cli.live import BuildTable
 
-    from texbake.building.progress import BuildEvent
+    from texbake.building.schedule import BuildEvent
 
     console = Console(width=100, record=True, force_terminal=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
     table = BuildTable(console)

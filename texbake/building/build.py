@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from texbake import __version__
-from texbake.building import progress
 from texbake.building.digests import Digests, followed_files, sidecars
 from texbake.building.file import Pipeline, read_pipeline
 from texbake.building.graph import Id, absolute, find_assets, plan_nodes
 from texbake.building.locations import file_signature, is_url, locked
 from texbake.building.options import BuildOptions
-from texbake.building.progress import BuildEvent, BuildListener
 from texbake.building.report import (
     FINISHED,
     INSIDE,
@@ -31,8 +29,8 @@ from texbake.building.report import (
     asset_results,
     write_build_report,
 )
-from texbake.building.resolve import Resolver, StepState, machine_memory
-from texbake.building.schedule import Schedule
+from texbake.building.resolve import CURRENT, Resolver, StepState, machine_memory
+from texbake.building.schedule import BuildEvent, BuildListener, Schedule
 from texbake.building.store import Publisher, Store
 from texbake.building.workers import Executor, LocalWorkers
 from texbake.errors import TexbakeError, counted
@@ -256,7 +254,7 @@ def _planned(
     def planned(what: str, why: str) -> PlannedStep:
         return PlannedStep(asset, step, state.node.table.kind.name, what, why)
 
-    before = [step for step in state.node.waits_for if states[step].state != progress.CURRENT]
+    before = [step for step in state.node.waits_for if states[step].state != CURRENT]
     if before:
         return planned("may run", f"{', '.join(name for _, name in before)} before it")
     try:
@@ -264,7 +262,7 @@ def _planned(
             return planned("runs", "; ".join(state.reasons))
     except TexbakeError as error:
         return planned("fails", str(error))
-    state.state = progress.CURRENT
+    state.state = CURRENT
     assert state.manifest is not None
     n_missing = len(publisher.missing(state.node, state.manifest))
     what = "restored" if resolver.is_as_before(state) else "written"

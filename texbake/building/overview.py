@@ -7,19 +7,19 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from texbake.building import progress
 from texbake.building.locations import is_url, location_of
 from texbake.building.report import INSIDE, AssetResult, BuildResult, StepResult
+from texbake.building.resolve import BUILT, CURRENT, FAILED, WAITING
 from texbake.errors import FileError
 from texbake.files import PathLike, make_folder, replacing, scratch_folder
 from texbake.pages.build_page import BuildRow, thumbnail, write_build_page
 from texbake.parallel import run_bands
 
 _STATUSES = {
-    progress.BUILT: "built",
-    progress.CURRENT: "kept",
-    progress.FAILED: "failed",
-    progress.WAITING: "skipped",
+    BUILT: "built",
+    CURRENT: "kept",
+    FAILED: "failed",
+    WAITING: "skipped",
 }
 # Folder for small pictures, named by the key of the step that made the large one.
 _THUMBNAILS = "thumbnails"

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from texbake import __version__
-from texbake.building import progress
 from texbake.building.graph import Id
-from texbake.building.resolve import StepState
+from texbake.building.resolve import BLOCKED, BUILT, CURRENT, ENDED, FAILED, WAITING, StepState
 from texbake.building.store import stored_files
 from texbake.files import PathLike, replacing
 
@@ -55,17 +54,17 @@ class AssetResult:
     def state(self) -> str:
         """`failed` if a step failed, `waiting` if one was not reached; else `built`, `current`."""
         states = {step.state for step in self.steps}
-        for state in (progress.FAILED, progress.BLOCKED):
+        for state in (FAILED, BLOCKED):
             if state in states:
-                return progress.FAILED
-        if states - progress.ENDED:
-            return progress.WAITING
-        return progress.BUILT if progress.BUILT in states else progress.CURRENT
+                return FAILED
+        if states - ENDED:
+            return WAITING
+        return BUILT if BUILT in states else CURRENT
 
     @property
     def error(self) -> str:
         """Step and message of the first failure; empty without one."""
-        failed = [step for step in self.steps if step.state == progress.FAILED]
+        failed = [step for step in self.steps if step.state == FAILED]
         return f"{failed[0].step}: {failed[0].error}" if failed else ""
 
     @property
@@ -89,12 +88,12 @@ class BuildResult:
     @property
     def failed(self) -> list[AssetResult]:
         """Assets with a failed step."""
-        return [asset for asset in self.assets if asset.state == progress.FAILED]
+        return [asset for asset in self.assets if asset.state == FAILED]
 
     @property
     def ok(self) -> bool:
         """Whether every step of every asset has a result."""
-        return all(asset.state in (progress.BUILT, progress.CURRENT) for asset in self.assets)
+        return all(asset.state in (BUILT, CURRENT) for asset in self.assets)
 
     def count(self, state: str) -> int:
         """Number of assets in a state."""
@@ -108,16 +107,16 @@ class BuildResult:
         """Return rows of a label and a figure."""
         work = sum(asset.seconds for asset in self.assets)
         assets = [
-            f"{self.count(progress.BUILT):,} built",
-            f"{self.count(progress.CURRENT):,} current",
+            f"{self.count(BUILT):,} built",
+            f"{self.count(CURRENT):,} current",
         ]
         if self.failed:
             assets.append(f"{len(self.failed):,} failed")
-        if n_waiting := self.count(progress.WAITING):
+        if n_waiting := self.count(WAITING):
             assets.append(f"{n_waiting:,} not done")
         steps = [
             f"{n:,} {state}"
-            for state in (progress.BUILT, progress.CURRENT, progress.FAILED, progress.BLOCKED)
+            for state in (BUILT, CURRENT, FAILED, BLOCKED)
             if (n := self.count_steps(state))
         ]
         return [
@@ -138,10 +137,7 @@ class BuildResult:
             "options": dict(self.options),
             "counts": {
                 "assets": len(self.assets),
-                **{
-                    state: self.count(state)
-                    for state in (progress.BUILT, progress.CURRENT, progress.FAILED)
-                },
+                **{state: self.count(state) for state in (BUILT, CURRENT, FAILED)},
             },
             "assets": [
                 {

@@ -18,7 +18,6 @@ from texbake import __version__
 from texbake.building.digests import Digests, checksum
 from texbake.building.graph import FileSource, Id, Node, Source
 from texbake.building.locations import is_url
-from texbake.building.progress import WAITING
 from texbake.building.store import (
     DamagedError,
     Ingredients,
@@ -32,13 +31,19 @@ from texbake.errors import FileError
 from texbake.files import replacing
 from texbake.verbs.step import InputSize, Settings, StepKind
 
+# States in which a step has ended ...
+CURRENT, BUILT, FAILED, BLOCKED = "current", "built", "failed", "blocked"
+# ... and those before.
+WAITING, QUEUED, RUNNING = "waiting", "queued", "running"
+ENDED = frozenset({CURRENT, BUILT, FAILED, BLOCKED})
+
 
 @dataclass(eq=False)
 class StepState:
     """One step of one asset during a build."""
 
     node: Node
-    state: str = WAITING  # see `progress`
+    state: str = WAITING
     key: str = ""  # known once all steps before it have results
     # inputs, ingredients: like the key
     inputs: dict[str, tuple[TaskInput, ...]] = field(default_factory=dict)

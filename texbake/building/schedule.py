@@ -1,19 +1,31 @@
 """Runs steps in the order of their dependencies, as many at once as workers and memory allow.
 
 A step is examined when all steps before it have ended. Only then are its inputs known, so that a
-step whose inputs came out the same as last time need not run, whatever ran before it.
+step whose inputs came out the same as last time need not run, whatever ran before it. Listeners
+receive an event for each, with an estimate of the time left.
 """
 
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping
+import time
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from graphlib import TopologicalSorter
+from typing import Any
 
-from texbake.building import progress
 from texbake.building.graph import Id
-from texbake.building.progress import BuildEvent, BuildListener, EtaEstimator
-from texbake.building.resolve import Resolver, StepState
+from texbake.building.resolve import (
+    BLOCKED,
+    BUILT,
+    CURRENT,
+    FAILED,
+    QUEUED,
+    RUNNING,
+    Resolver,
+    StepState,
+)
 from texbake.building.store import Manifest, Publisher
 from texbake.building.task import Task, TaskOutcome
 from texbake.building.workers import Executor
@@ -21,6 +33,78 @@ from texbake.errors import TexbakeError, counted
 
 _MOST_PUT_OFF = 64  # steps too large for the free memory, before the search for smaller ones ends
 _LOOK_SECONDS = 0.5  # between events on which nothing happens
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildEvent:
+    """An event of a build."""
+
+    event: str  # `began`, `step` (a step has reached `state`), `note` or `ended`
+    asset: str | None = None
+    step: str | None = None
+    # `running`, `current` (nothing to do), `built`, `failed` or `blocked` (by one that failed)
+    state: str | None = None
+    message: str | None = None  # one line of a note or a failure
+    seconds: float | None = None  # time that a step took
+    done: int = 0  # steps that have ended, and all steps
+    total: int = 0
+    seconds_left: float | None = None  # estimate for the whole build; None before one is possible
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the fields that are set as plain values."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+BuildListener = Callable[[BuildEvent], None]
+
+
+class EtaEstimator:
+    """Estimates the time left from the time that steps of each kind have taken so far.
+
+    `kinds` has the kind of each step that may have to run.
+    """
+
+    def __init__(self, kinds: Mapping[tuple[str, str], str], slots: int) -> None:
+        self._kinds, self._slots = dict(kinds), slots
+        self._left = Counter(kinds.values())
+        self._seconds: dict[str, float] = defaultdict(float)
+        self._counts: Counter[str] = Counter()
+        self._started: dict[tuple[str, str], float] = {}
+
+    def drop(self, step: tuple[str, str]) -> None:
+        """Stop counting a step: it has ended, or another step does the same."""
+        if step in self._kinds:
+            self._left[self._kinds.pop(step)] -= 1
+
+    def started(self, step: tuple[str, str]) -> None:
+        """Record that a step has started."""
+        self._started[step] = time.perf_counter()
+
+    def ended(self, step: tuple[str, str]) -> float:
+        """Record that a step has ended; return the seconds since it started."""
+        seconds = time.perf_counter() - self._started.pop(step)
+        kind = self._kinds[step]
+        self._seconds[kind] += seconds
+        self._counts[kind] += 1
+        self.drop(step)
+        return seconds
+
+    def seconds_left(self) -> float | None:
+        """Return the seconds until all steps have ended; None before any step has run.
+
+        A kind that has not run yet counts as the mean of those that have.
+        """
+        n_done = self._counts.total()
+        if n_done == 0:
+            return None
+        mean = sum(self._seconds.values()) / n_done
+        left = 0.0
+        for kind, n in self._left.items():
+            count = self._counts[kind]
+            left += n * (self._seconds[kind] / count if count else mean)
+        now = time.perf_counter()
+        left -= sum(min(now - start, mean) for start in self._started.values())
+        return max(left, 0.0) / self._slots
 
 
 class Schedule:
@@ -74,25 +158,25 @@ class Schedule:
         state = self._states[step]
         for name in state.node.waits_for:
             before = self._states[name]
-            if before.state == progress.FAILED:
-                self._end(step, progress.BLOCKED, f"it needs {name[1]}, which failed")
+            if before.state == FAILED:
+                self._end(step, BLOCKED, f"it needs {name[1]}, which failed")
                 return
-            if before.state == progress.BLOCKED:
-                self._end(step, progress.BLOCKED, before.error)
+            if before.state == BLOCKED:
+                self._end(step, BLOCKED, before.error)
                 return
         try:
             if self._resolver.look(state):
                 assert state.manifest is not None
-                self._finish(step, state.manifest, progress.CURRENT)
+                self._finish(step, state.manifest, CURRENT)
                 return
-            state.state = progress.QUEUED
+            state.state = QUEUED
             if state.key in self._same:  # another asset has the same step and is making it
                 self._same[state.key].append(step)
                 self._eta.drop(step)
                 return
             task = self._resolver.task(state, self._executor.threads, self._memory_bytes)
         except TexbakeError as error:
-            self._end(step, progress.FAILED, str(error))
+            self._end(step, FAILED, str(error))
             return
         self._same[state.key] = [step]
         number = self._numbers[step]
@@ -114,7 +198,7 @@ class Schedule:
                 continue
             self._running.add(number)
             state = self._states[self._ids[number]]
-            state.state = progress.RUNNING
+            state.state = RUNNING
             self._eta.started(state.node.id)
             self._executor.submit(number, task)
             self._tell(state)
@@ -144,10 +228,10 @@ class Schedule:
         """End a step whose task, or the same task of another asset, has ended."""
         if outcome.manifest is not None:
             self._resolver.store.remember(outcome.manifest, self._resolver.digests)
-            self._finish(step, outcome.manifest, progress.BUILT)
+            self._finish(step, outcome.manifest, BUILT)
         else:
             self._states[step].trace = outcome.trace
-            self._end(step, progress.FAILED, outcome.error)
+            self._end(step, FAILED, outcome.error)
 
     def _finish(self, step: Id, manifest: Manifest, how: str) -> None:
         """Publish the outputs of a step, and end it."""
@@ -156,10 +240,10 @@ class Schedule:
         try:
             n_put = self._publisher.publish(state.node, manifest)
         except TexbakeError as error:
-            self._end(step, progress.FAILED, str(error))
+            self._end(step, FAILED, str(error))
             return
         # Another asset may have made the result: then its outputs were not there before.
-        if n_put and how == progress.CURRENT and self._resolver.is_as_before(state):
+        if n_put and how == CURRENT and self._resolver.is_as_before(state):
             state.notes.append(f"restored {counted(n_put, 'missing or changed output')}")
         self._end(step, how)
 
