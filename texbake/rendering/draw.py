@@ -197,7 +197,7 @@ def _run(
     """Run `load` and `prepare` of passes, for objects only if they are in `seen`."""
     for item in passes:
         effect = item.effect
-        shown: Collection[Target] = item.targets
+        shown: Collection[Target] = frozenset(item.targets)
         if seen is not None:
             of_seen = (a for a in item.activations if a.source is None or a.source in seen)
             shown = seen if effect.of == "object" else {each.target for each in of_seen}
