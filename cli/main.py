@@ -17,8 +17,7 @@ from texbake import __version__
 from texbake.errors import heard_warnings
 from texbake.limits import raised_limits
 
-from .failures import failures_as_one_line
-from .messages import COMMAND
+from .messages import COMMAND, failures_as_one_line
 from .signals import WRONG_USAGE
 
 # Each with the first sentence of its help, so that the list of commands imports none of them.

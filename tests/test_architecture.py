@@ -92,7 +92,7 @@ def test_the_reader_of_imports_sees_them_all():
     # What the other tests stand on: an import at the top, in a function, and a relative one.
     assert "texbake.errors" in imports_of("texbake.files")
     assert "resource" in imports_of("texbake.progress")
-    assert "texbake_cli.failures" in imports_of("texbake_cli.main")
+    assert "texbake_cli.messages" in imports_of("texbake_cli.main")
     assert "numpy" in imports_of("texbake.rendering.scene.lights")
     assert "numpy" not in set(imports_of("texbake.rendering.scene.lights", when_run=True))
 

@@ -14,7 +14,7 @@ from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.verbs.cage import cage_file
+from texbake.verbs.meshes import cage_file
 
 SIDES = np.array([1.0, 0.7, 0.4])
 

@@ -13,7 +13,7 @@ from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, orange, plane, uv_sphere
-from texbake.verbs.cage import cage_file
+from texbake.verbs.meshes import cage_file
 
 
 @pytest.fixture(autouse=True)

@@ -13,8 +13,8 @@ import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from texbake_cli.failures import failures_as_one_line
 from texbake_cli.main import COMMANDS, texbake
+from texbake_cli.messages import failures_as_one_line
 from texbake_cli.signals import Terminated
 
 import texbake as package

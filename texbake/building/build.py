@@ -28,6 +28,7 @@ from texbake.building.report import (
     BuildResult,
     asset_results,
     write_build_report,
+    write_overview,
 )
 from texbake.building.resolve import CURRENT, Resolver, StepState, machine_memory
 from texbake.building.schedule import BuildEvent, BuildListener, Schedule
@@ -112,8 +113,6 @@ def build(
     ):
         result = _build(pipeline, site, options, listener, executor)
     if html is not None:
-        from texbake.building.overview import write_overview
-
         write_overview(html, result, command=command)
     return result
 

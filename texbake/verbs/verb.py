@@ -34,7 +34,7 @@ _MODULES = {
     "texture_bakes": ("bake-texture", "bake-lightmap"),
     "channels": ("pack-channels", "split-channels"),
     "conversions": ("height-to-normal", "normal-to-height", "mipmap", "cubemap"),
-    "meshes": ("repair", "transform", "convert", "remesh"),
+    "meshes": ("repair", "transform", "convert", "remesh", "cage"),
     "whole_jobs": ("run", "lighten", "demo"),
 }
 

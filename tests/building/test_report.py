@@ -3,7 +3,7 @@
 import html.parser
 from urllib.parse import unquote
 
-from texbake.building.overview import write_overview
+from texbake.building.report import write_overview
 
 STEPS = """
 [steps.high]
