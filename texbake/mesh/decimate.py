@@ -351,7 +351,9 @@ def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexSt
         return
     part_of = np.zeros(len(stream.points), dtype=np.intp)
     part_of[stream.faces] = parts[:, None]
-    fewest = np.bincount(part_of[collapse_stream(stream, 0)[:, 0]], minlength=n_parts)
+    has_edges = n_parts < len(stream.faces)  # between faces; of loose triangles none can collapse
+    least = collapse_stream(stream, 0) if has_edges else with_three_places(stream, stream.faces)
+    fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     for corner in range(3):
         np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])
