@@ -8,6 +8,7 @@ import pytest
 
 from tests.glb import read_glb
 from texbake.errors import OptionError, ReadWarning, heard_warnings
+from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import LightenOptions, RunOptions
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
@@ -165,6 +166,23 @@ def test_the_same_model_gives_the_same_bytes_also_in_several_files(model, light,
         again = lighten_file(path, tmp_path / "light.glb", replace(OPTIONS, threads=threads))
         assert again.files[0].read_bytes() == light[0].files[0].read_bytes()
     assert again.report.n_bytes_before == sum(file.stat().st_size for file in folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("n_materials", "size"), [(0, 16), (1, 64), (2, 128), (4, 128), (5, 256), (99, 256)]
+)
+def test_an_atlas_has_room_for_the_largest_image_of_each_material(tmp_path, n_materials, size):
+    large, small = np.zeros((32, 128, 3), np.uint8), np.zeros((64, 32, 3), np.uint8)
+    channels = {
+        "base-color": ChannelSource((1.0, 1.0, 1.0), picture(tmp_path, "a.png", large)),
+        "emissive": ChannelSource((1.0, 1.0, 1.0), picture(tmp_path, "b.png", small)),
+        "metallic": ChannelSource((1.0,)),
+    }
+    materials = Materials(
+        face_materials=np.arange(n_materials, dtype=np.int32),
+        materials=(MeshMaterial(name="one", channels=channels),) * n_materials,
+    )
+    assert texture_size(materials, 16, 256) == size
 
 
 def test_a_channel_that_is_one_number_needs_no_image(tmp_path):
