@@ -257,6 +257,9 @@ def test_a_map_of_the_ground_under_a_disk_is_the_closed_form(ground):
     rest = finer.maps["ao"].values[..., 0] - below_the_disk(64)
     assert rest.std() < 1.1 * errors.std()
     assert finer.report.counts.secondary_rays == 64 * 64**2
+    # Each sample casts at least one.
+    few = bake(ground, plane(), dataclasses.replace(options, size=8, samples=16, secondary_rays=4))
+    assert few.report.counts.secondary_rays == 16 * 8**2
 
 
 @pytest.mark.parametrize("space", ["tangent", "object"])

@@ -226,6 +226,22 @@ def test_faces_that_coincide_are_equal_on_their_tiles():
     assert second == pytest.approx(first, abs=1e-6)
 
 
+def test_integer_files_of_tiles_share_one_scale(tmp_path):
+    moved = plane().replace(
+        positions=plane().positions + np.array([2, 0, 0]), uvs=plane().uvs + np.array([1, 0])
+    )
+    low = join_meshes([plane(), moved])
+    lift = np.repeat([0.1, 0.4], 4)[:, np.newaxis] * [0, 0, 1]
+    chosen = BakeOptions(size=8, maps=("displacement",))
+    high = low.replace(positions=low.positions + lift)
+    result = bake_parts([high], [low], chosen, PartsOptions(udim=True))
+    written = result.write(
+        {target: {"displacement": tmp_path / f"{target.udim}.png"} for target in result.targets}
+    )
+    assert [file.path.name for file in written] == ["1001.png", "1002.png"]
+    assert written[0].metadata == written[1].metadata
+
+
 def test_sets_of_groups_together_cover_what_one_set_covers():
     chosen = options(maps=("normal",), padding=0)
     plain = bake(HIGH, LOW, chosen)
