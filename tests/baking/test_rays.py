@@ -6,7 +6,7 @@ import pytest
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField, RayMaps, UnobstructedRays
-from texbake.baking.texels import Samples
+from texbake.baking.texels import SampleGrid, Samples
 from texbake.errors import OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
@@ -35,6 +35,16 @@ def test_rays_go_through_their_sample_from_front_to_back(kind):
     np.testing.assert_allclose(frame.to_model(through), points, atol=1e-14)
     # Inward: towards the middle of the sphere.
     assert (np.einsum("ij,ij->i", rays.directions, points) < -0.9 * 0.9).all()
+
+
+def test_a_ray_stands_in_the_cell_of_its_sample():
+    """Rays are cast together cell by cell; a wrong cell would only cost time."""
+    mesh = plane(4, 3)
+    samples, points = samples_on(mesh)
+    field = RayField(mesh, LocalFrame.around(mesh), kind="face", front=0.1, back=0.1)
+    cells = field.places(samples, SampleGrid(30, 20, 1)).cells
+    np.testing.assert_array_equal(cells[:, 0], np.floor(30 * points[:, 0]))
+    np.testing.assert_array_equal(cells[:, 1], np.floor(20 * (1.0 - points[:, 1])))
 
 
 def test_smooth_rays_leave_no_gap_at_a_hard_edge():
