@@ -307,6 +307,7 @@ def renderers(*names, models=None, sheet=None, plain=False):
                 shown.append(pictures[k])
             row(case.name, *cells)
             if sheet is not None:
+                Path(sheet).mkdir(exist_ok=True)
                 strip = np.concatenate([np.clip(p[..., :3], 0, 1) for p in shown], axis=1)
                 write_image(strip.astype(np.float32), f"{sheet}/{case.name}.png", color=True)
     for reason in sorted(set(refused.values())):
