@@ -144,7 +144,8 @@ def extreme_size(checked: CheckedMesh) -> Finding | None:
     """Whether the mesh is very small or very large, or too large or small to be measured."""
     if (extent := unmeasurable_size(checked.mesh)) is not None:  # leaves the range of float64
         length, farthest = extent
-        return checked.finding("unmeasurable-size", 1, length=length, farthest=farthest)
+        count = int(length > 0.0)  # a mesh that is a point has no surface
+        return checked.finding("unmeasurable-size", count, length=length, farthest=farthest)
     size = checked.diagonal / checked.scale
     least, most = _SIZES
     extreme = size > most or 0.0 < size < least
