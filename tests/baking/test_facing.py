@@ -63,6 +63,11 @@ def test_a_room_that_is_seen_from_within_stays_one():
     result = bake(room, room, OPTIONS)
     assert result.report.texels_missed == 0
     assert result.report.warnings == []
+    # Even if an object in it faces inwards.
+    ball = uv_sphere(8, 12)
+    ball = ball.replace(positions=0.2 * ball.positions)
+    report = bake(join_meshes([room, flipped(ball)]), join_meshes([room, ball]), OPTIONS).report
+    assert report.orientation is not None and report.orientation.n_faces == 0
 
 
 def test_parts_are_turned_over_one_by_one():
