@@ -20,7 +20,8 @@ from tests.cli.conftest import Invoke, Run
 from texbake import read_mesh
 
 N_KILLS = int(os.environ.get("TEXBAKE_KILLS", "4"))
-SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+# What SIGKILL leaves behind, a later command removes: it comes last, before one that ends.
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 
 # Their files are made of one another or written in one call, or they are a `run`; all take long.
 BUILDS = {"build", "watch"}
@@ -99,7 +100,7 @@ def test_killed_commands(name: str, workplace: Path, script: Path, tmp_path_fact
             (workplace / file).write_bytes(b"older")
         process = start(script, line, scratch)
         time.sleep(luck.uniform(0.2, 1.0) * seconds)
-        number = SIGNALS[kill % len(SIGNALS)]
+        number = SIGNALS[kill * len(SIGNALS) // N_KILLS]
         process.send_signal(number)
         code = process.wait(timeout=60)
         found = contents(workplace)

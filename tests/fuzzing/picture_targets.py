@@ -54,7 +54,7 @@ def image_lookup(drawn: Drawn) -> None:
     sample_texture(texture, drawn.singles(n, 2), steps, filter=kernel, wrap=wrap, border=border,
                       max_anisotropy=drawn.pick((1.0, 16.0)))  # fmt: skip
     lookup(image, drawn.singles(n, 2), wrap=wrap, border=border)
-    ramp_lookup(drawn.image()[0], drawn.singles(n), wrap=drawn.pick(WRAPS[:3]))
+    ramp_lookup(drawn.image()[0], drawn.singles(n))
     volume = drawn.singles(1 + drawn.below(4), 2, 1 + drawn.below(4), 1 + drawn.below(3))
     volume_lookup(volume, drawn.singles(n, 3), wrap=drawn.pick(WRAPS[:3]),
                      filter=drawn.pick(("nearest", "trilinear")))  # fmt: skip
