@@ -71,10 +71,13 @@ class BakedMap:
         scale: float | None = None,
     ) -> WrittenMap:
         """Write the map in the format of the file's suffix."""
-        given = {"bits": bits, "convention": convention, "mid": mid, "scale": scale}
         changes: dict[str, Any] = {
-            name: value for name, value in given.items() if value is not None
+            "bits": bits,
+            "convention": convention,
+            "mid": mid,
+            "scale": scale,
         }
+        changes = {name: value for name, value in changes.items() if value is not None}
         options = replace(self.options, **changes)
         bits = file_bits(self.kind, path, options.bits, len(self.legend))
         code_bits = FLOAT if holds_floats(path, bits) else bits
