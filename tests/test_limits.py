@@ -86,9 +86,11 @@ def gltf(tmp_path):
     return write
 
 
-@pytest.mark.parametrize("size", [(16384, 16384, 4), (65536, 4096, 3)])
-def test_the_greatest_images_fit(size):
-    require_image_size("a.png", *size)
+@pytest.mark.parametrize(("width", "height", "n_channels"), [(16384, 16384, 4), (65536, 4096, 3)])
+def test_the_largest_images_fit_and_larger_ones_do_not(width, height, n_channels):
+    require_image_size("a.png", width, height, n_channels)
+    with pytest.raises(FileFormatError, match="more than 16384 x 16384"):
+        require_image_size("a.png", width, height + 1, n_channels)
 
 
 @pytest.mark.parametrize("read", [read_header, lambda path: read_image(path, color=False)])

@@ -87,7 +87,7 @@ def test_a_mesh_without_area_is_not_studied(name, case_named, in_cells, attempt)
     case = case_named(name)
     mesh = in_cells(case)
     study = StudyCase(mesh, mesh, quick=True, threads=1)
-    attempt(case, "study", lambda: knob_named("texture-size").prepare(study))
+    assert attempt(case, "study", lambda: knob_named("texture-size").prepare(study)) is None
 
 
 def test_every_scene_is_studied(scene_case):
