@@ -349,6 +349,14 @@ def faulty(request):
     return request.param, CASES[request.param]()
 
 
+@pytest.fixture(
+    params=sorted(CASES.keys() - {"extreme-size", "unmeasurable-size", "far-from-origin"})
+)
+def faulty_anywhere(request):
+    """Each fault, by its name, that has nothing to do with the size and place of a mesh."""
+    return request.param, CASES[request.param]()
+
+
 def hollow():
     """A cube with a cubic hole inside, whose wall is wound to face the hole."""
     outer, inner = cube(), cube()
