@@ -287,8 +287,8 @@ _PACKAGE_TITLES = {
 _FURTHER = (
     ("texbake.errors", "all other errors, each a `TexbakeError`: `UvError`, ..."),
     ("texbake.limits", "`raised_limits`"),
-    ("texbake.verbs", "commands as functions from files to files: `simplify.simplify_file`, ..."),
-    ("texbake.jobs", "what commands share: `maps.bake_files`, ..."),
+    ("texbake.verbs", "commands as functions from files to files: `map_bakes.bake_normals`, ..."),
+    ("texbake.jobs", "what commands share; output files are checked when they are written"),
     (
         "texbake.mesh",
         "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ...",
