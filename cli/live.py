@@ -78,7 +78,7 @@ class Bars(ShownProgress):
 
 
 def _print(console: Console, line: str, style: str) -> None:
-    """Print a line above what is drawn live."""
+    """Print a line above the live display."""
     console.print(printable(line), style=style, markup=False, highlight=False, soft_wrap=True)
 
 

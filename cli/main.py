@@ -1,8 +1,8 @@
 """The `texbake` command: a group that imports each of its commands only when it is used.
 
-A command is made from the verb of its name, or stands in one of the modules named here. They import
-only click and the dataclasses of options. Everything heavy is imported when the command runs, so
-that `texbake --help` answers at once.
+A command is built from the verb of the same name, or defined in one of the modules named here. They
+import only click and the dataclasses of options. Everything heavy is imported when the command
+runs, so that `texbake --help` answers at once.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ GROUPS = {
 }
 """The commands, by purpose."""
 
-# Commands that are no verbs.
+# Modules of the commands that have no verb.
 _MODULES = {"pipelines": ("build", "watch", "schema"), "measurements": ("study", "bench")}
 COMMANDS = {name: purpose for group in GROUPS.values() for name, purpose in group.items()}
 

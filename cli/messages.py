@@ -1,4 +1,4 @@
-"""Messages of the library on a terminal: with the flags of a command, safe to print; and failures.
+"""Print the library's messages, with the flags of the command, and its failures on a terminal.
 
 The library writes parameters by their Python names. A message about parameters opens with their
 names (`max_error: 'x' is ...`). Elsewhere they are in backticks, with a value if that helps: raise

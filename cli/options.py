@@ -43,18 +43,17 @@ def options_of(
 ) -> Decorator[Any]:
     """Add flags for the fields of an option class, in their order.
 
-    The value of an option that is `unset` or `only_given` is None unless it is given; the help
-    shows the default of the latter.
+    With `unset` or `only_given`, options that the user leaves out are None; with `only_given`, the
+    help shows their defaults.
     """
     fields = {field.name: field for field in option_fields(kind)}
     chosen = [fields[name] for name in names] or [
         field for field in fields.values() if field.name not in without
     ]
-    given = defaults or {}
     return all_of(
         [
             _flag(
-                replace(field, default=given.get(field.name, field.default)),
+                replace(field, default=(defaults or {}).get(field.name, field.default)),
                 required=field.name in required or field.required,
                 unset=unset,
                 only_given=only_given,

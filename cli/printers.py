@@ -1,4 +1,4 @@
-"""What commands print that is more than one table: findings, the content of a mesh, plans."""
+"""Printers for results of more than one table: findings, the content of a mesh file, plans."""
 
 from __future__ import annotations
 
@@ -26,12 +26,14 @@ _WORST_SHOWN = 5
 _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
 
 
-def print_info(terminal: Terminal, done: JobResult[MeshFileInfo], values: Mapping[str, Any]) -> int:
+def print_info(
+    terminal: Terminal, result: JobResult[MeshFileInfo], values: Mapping[str, Any]
+) -> int:
     """Print what is in a mesh file."""
     if values["as_json"]:
-        say(json.dumps(done.to_json(), indent=2, allow_nan=False))
+        say(json.dumps(result.to_json(), indent=2, allow_nan=False))
     else:
-        for rows in done.report.tables():
+        for rows in result.report.tables():
             if len(rows[0]) == 2:
                 table(rows)
             else:
@@ -39,14 +41,16 @@ def print_info(terminal: Terminal, done: JobResult[MeshFileInfo], values: Mappin
     return 0
 
 
-def print_check(terminal: Terminal, done: JobResult[CheckReport], values: Mapping[str, Any]) -> int:
+def print_check(
+    terminal: Terminal, result: JobResult[CheckReport], values: Mapping[str, Any]
+) -> int:
     """Print the findings of a check and its verdict; return the exit code."""
-    checked, fail_on = done.report, values["fail_on"]
+    checked, fail_on = result.report, values["fail_on"]
     if values["as_json"]:
         say(json.dumps(checked.to_json(), indent=2, allow_nan=False))
     else:
         _print_findings(checked, terminal, explain=values["explain"])
-        terminal.wrote(done.files)
+        terminal.wrote(result.files)
         if not terminal.quiet:
             say(_verdict_on_all(checked, SEVERITIES[0] if fail_on == _NEVER else fail_on))
     return FAILED if fail_on != _NEVER and checked.fails(fail_on) else 0
@@ -105,25 +109,26 @@ def _verdict_on_all(checked: CheckReport, least: str) -> str:
     return ", ".join((verdict, *counts))
 
 
-def print_preview(terminal: Terminal, done: PreviewFiles, values: Mapping[str, Any]) -> int:
+def print_preview(terminal: Terminal, result: PreviewFiles, values: Mapping[str, Any]) -> int:
     """Print which passes were chosen, and what was left out; or what each changes."""
     form = values["explain"] or ("table" if values["plan_only"] else None)
     if form == "changes":
-        columns(done.contributions_table(), numbers=5)
+        columns(result.contributions_table(), numbers=5)
     elif form == "json":
-        say(json.dumps(done.to_json(), indent=2))
+        say(json.dumps(result.to_json(), indent=2))
     elif form is not None:
-        rows, left_out = done.plan_tables()
-        columns(rows, numbers=0 if done.costs is None else 2)
+        rows, left_out = result.plan_tables()
+        columns(rows, numbers=0 if result.costs is None else 2)
         say("")
         columns([("left out", "because"), *left_out])
-    terminal.summary(done.table())
+    terminal.summary(result.table())
     if not values["plan_only"]:
-        terminal.wrote(done.files)
+        terminal.wrote(result.files)
     return 0
 
 
-# By the names of verbs: prints a result, of the values of the command, and returns the exit code.
+# For each verb, a function that prints its result, given the values of the command's options, and
+# returns the exit code.
 PRINTERS: dict[str, Callable[[Terminal, Any, Mapping[str, Any]], int]] = {
     "check": print_check, "info": print_info, "preview": print_preview,
 }  # fmt: skip

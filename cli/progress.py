@@ -63,7 +63,7 @@ def rounded(seconds: float) -> str:
 class ShownProgress:
     """A `ProgressSink` that keeps the running stages, and the seconds of those that have ended.
 
-    This one shows nothing.
+    `show` is for subclasses; here it does nothing.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -77,7 +77,7 @@ class ShownProgress:
         self.show("started", self.running[stage], 0.0)
 
     def advanced(self, stage: str, done: int) -> None:
-        """Note how much is done."""
+        """Record the amount of work done."""
         timed = self.running[stage]
         timed.done = done
         self.show("advanced", timed, self.clock() - timed.begun)
@@ -107,7 +107,7 @@ class JsonLines(ShownProgress):
         self._reported = 0.0
 
     def show(self, event: str, stage: TimedStage, seconds: float) -> None:
-        """Print an object; of a stage that advances, at most one per `INTERVAL`."""
+        """Print a JSON object; while a stage advances, at most one per `INTERVAL`."""
         if event == "advanced":
             now = self.clock()
             if now - self._reported < self.INTERVAL:

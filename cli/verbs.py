@@ -39,8 +39,8 @@ _READ = {
     "camera": (".toml", ".txt", *MESH_SUFFIXES),
     "shown": (*MESH_SUFFIXES, ".toml"),
 }
-# Suffixes, and the placeholder on help pages, by the kinds of `Writes`.
-_WRITTEN = {
+# For each kind of output: the file suffixes, and the metavar on help pages.
+_OUTPUT_KINDS = {
     "mesh": (WRITABLE_MESH_SUFFIXES, "FILE"),
     "image": (IMAGE_SUFFIXES, "FILE"),
     "images": (IMAGE_SUFFIXES, "DIR|PICTURE"),
@@ -86,15 +86,15 @@ def command_of(verb: Verb) -> click.Command:
 
 
 def _arguments(verb: Verb, values: dict[str, Any]) -> dict[str, Any]:
-    """Return the parameters of the function; fields of its options become one object.
+    """Return the arguments of the function, with its options as one object.
 
-    Other values are those of a printer.
+    Values that the function does not take are left out: its printer uses them.
     """
-    given = verb.prepare(values)
+    arguments = verb.prepare(values)
     for kind in {part.kind for part in verb.of_kind(Options) if not part.apart}:
-        names = [item.name for item in option_fields(kind) if item.name in given]
-        given["options"] = kind(**{name: given.pop(name) for name in names})
-    return {name: value for name, value in given.items() if verb.takes(name)}
+        names = [item.name for item in option_fields(kind) if item.name in arguments]
+        arguments["options"] = kind(**{name: arguments.pop(name) for name in names})
+    return {name: value for name, value in arguments.items() if verb.takes(name)}
 
 
 def _parameter(verb: Verb, part: Any) -> Decorator[Any]:
@@ -133,7 +133,7 @@ def _input(part: Reads) -> Decorator[Any]:
 
 
 def _output(verb: Verb, part: Writes) -> Decorator[Any]:
-    suffixes, metavar = _WRITTEN.get(part.kind, ((), "DIR"))
+    suffixes, metavar = _OUTPUT_KINDS.get(part.kind, ((), "DIR"))
     kind: click.Path = FileOf(part.suffixes or suffixes)
     if part.kind == "folder":
         kind = FOLDER
@@ -151,7 +151,7 @@ def _output(verb: Verb, part: Writes) -> Decorator[Any]:
 
 
 class SectionedCommand(click.Command):
-    """A command with examples before the options in its help, and these under headings.
+    """A command whose help shows examples first, then the options under headings.
 
     With sections, `--help` describes the options without a section and the `common` ones, and names
     the others; `--help-all` describes all of them.

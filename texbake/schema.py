@@ -156,10 +156,12 @@ class OptionField:
         return f"{self.option.sentence} Default: {words}." if words else self.option.sentence
 
 
-def option(default: Value, said: str | Option, /, **more: Any) -> Value:
-    """Declare a field of a dataclass: its default, its help, and what else `Option` takes."""
-    described = said if isinstance(said, Option) else Option(said, **more)
-    return field(default=default, metadata={"option": described})
+def option(default: Value, help_or_option: str | Option, /, **attributes: Any) -> Value:
+    """Declare a field of a dataclass: its default, its help, and other attributes of `Option`."""
+    declared = help_or_option
+    if isinstance(declared, str):
+        declared = Option(declared, **attributes)
+    return field(default=default, metadata={"option": declared})
 
 
 class CheckedOptions:
@@ -218,10 +220,10 @@ def option_of(kind: type, name: str) -> Option:
 
 
 def _option_field(kind: type, item: Field[Any]) -> OptionField:
-    hint, said = _hint_of(kind, item), item.metadata.get("option")
+    hint, described = _hint_of(kind, item), item.metadata.get("option")
     if get_origin(hint) is Annotated:
-        hint, *more = get_args(hint)
-        said = next((each for each in more if isinstance(each, Option)), None)
+        hint, *annotations = get_args(hint)
+        described = next((each for each in annotations if isinstance(each, Option)), None)
     parts = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
     default = item.default
     if default is MISSING and item.default_factory is not MISSING:
@@ -230,9 +232,9 @@ def _option_field(kind: type, item: Field[Any]) -> OptionField:
         name=item.name,
         kinds=tuple(part for part in parts if part is not type(None)),
         optional=type(None) in parts,
-        option=said or Option(_described(kind).get(item.name, "")),
+        option=described or Option(_described(kind).get(item.name, "")),
         default=default,
-        checked=said is not None,
+        checked=described is not None,
     )
 
 

@@ -201,8 +201,10 @@ class Trace:
             fitted = scenes.fitted(longest, self.low, options.rays)
             assert fitted.reaches is not None
             if options.max_reach is not None:
-                wanted = scenes.reach(self.low, options.rays)
-                self.counts.faces_limited = int((wanted > fitted.reaches).any(axis=(1, 2)).sum())
+                full_reaches = scenes.reach(self.low, options.rays)
+                self.counts.faces_limited = int(
+                    (full_reaches > fitted.reaches).any(axis=(1, 2)).sum()
+                )
             medians = np.median(fitted.reaches.reshape(-1, 2), axis=0)
             front, back = scenes.frame.length_to_model(medians).tolist()
             self.median_reach = front, back
@@ -274,7 +276,7 @@ class Trace:
     ) -> RayHits:
         """Cast the rays of samples, and fill in the rows of their hits.
 
-        In chunks they are made band by band, again for each chunk, so that they need no memory.
+        For a mesh in chunks, each chunk generates the rays again, band by band, to save memory.
         """
         scene = self.scenes.high
 
@@ -283,22 +285,22 @@ class Trace:
             return rays_of.rays(some, threads=1), self._field.places(some, grid)
 
         rays_at = make if scene.in_chunks else rows_of(*make(slice(None)))
-        found = scene.cast_in_order(
+        ray_hits = scene.cast_in_order(
             len(samples), rays_at, cull_back_faces=self.options.cull_back_faces, threads=threads
         )
 
         def fill(start: int, stop: int) -> None:
             band = slice(start, stop)
             rays, _ = rays_at(band)
-            hits.where(band).fill(samples.where(band), rays, found.where(band), scene.frame)
+            hits.where(band).fill(samples.where(band), rays, ray_hits.where(band), scene.frame)
 
         run_bands(fill, len(samples), band=_SAMPLES_PER_BAND, threads=threads)
-        return found
+        return ray_hits
 
     def _cast_again(
         self, samples: Samples, grid: SampleGrid, hits: Hits, threads: int | None
     ) -> tuple[int, int, int]:
-        """Cast the rays of samples, and the longest ones for what they do not find.
+        """Cast the rays of samples, and where these miss, the longest rays.
 
         A ray that met a surface from behind may have started inside of a part that stands out; it
         keeps its hit where the longest ray passes a back face as well.
@@ -306,19 +308,19 @@ class Trace:
         Returns the numbers of rays that missed, that passed back faces, and whose hits are those of
         the longest rays.
         """
-        found = self._cast(self._field, samples, grid, hits, threads)
-        missed, passed = found.faces == NO_HIT, found.passed_back
+        first_hits = self._cast(self._field, samples, grid, hits, threads)
+        missed, passed = first_hits.faces == NO_HIT, first_hits.passed_back
         rows = np.flatnonzero(missed | passed)
         n_missed, n_passed = int(np.count_nonzero(missed)), int(np.count_nonzero(passed))
         if self._longest is None or len(rows) == 0:
             return n_missed, n_passed, 0
         some = samples.where(rows)
         longer = Hits.empty(some)
-        found_again = self._cast(self._longest, some, grid, longer, threads)
-        is_hit = found_again.faces != NO_HIT
-        better = is_hit & (missed[rows] | ~found_again.passed_back)
+        second_hits = self._cast(self._longest, some, grid, longer, threads)
+        is_hit = second_hits.faces != NO_HIT
+        better = is_hit & (missed[rows] | ~second_hits.passed_back)
         hits.take(longer.where(better), rows[better])
         n_missed -= int(np.count_nonzero(better & missed[rows]))
-        n_passed += int(np.count_nonzero(found_again.passed_back[better]))
+        n_passed += int(np.count_nonzero(second_hits.passed_back[better]))
         n_passed -= int(np.count_nonzero(passed[rows[better]]))
         return n_missed, n_passed, int(np.count_nonzero(better))

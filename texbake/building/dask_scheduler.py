@@ -28,7 +28,7 @@ from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
 from texbake.errors import DependencyError, FileError, OptionError, TexbakeError
 
 _ANSWER_SECONDS = 10  # within which a scheduler must answer
-_LOAD_SECONDS = 60  # within which its workers must answer, which load texbake first
+_LOAD_SECONDS = 60  # within which workers must answer; they load texbake first
 _LOOK_SECONDS = 5  # between looks at whether there are workers, while nothing else happens
 _GONE_SECONDS = 60  # without any worker, before a build gives up
 _LOUD = ("distributed", "distributed.client", "distributed.comm", "distributed.core")
@@ -137,8 +137,10 @@ class DaskWorkers:
         for worker, answer in answers.items():
             who = f"{self._address}: the worker {worker}"
             if isinstance(answer, Exception):
-                said = " ".join(f"{type(answer).__name__}: {answer}".split())[:200]
-                raise FileError(f"{who} cannot load texbake ({said}); install {__version__} there")
+                reason = " ".join(f"{type(answer).__name__}: {answer}".split())[:200]
+                raise FileError(
+                    f"{who} cannot load texbake ({reason}); install {__version__} there"
+                )
             version, processors[workers[worker]["host"]], sees = answer
             if version != __version__:
                 raise FileError(

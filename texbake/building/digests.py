@@ -1,4 +1,4 @@
-"""Checksums of values, of files as long as they are not written to, and of those that they name.
+"""Checksums of values, of unchanged files, which are remembered, and of their sidecars.
 
 A file counts as unchanged while its size, its times of modification and of change, and its inode
 are the same. File systems' clocks tick in steps: a file that was changed within one step before it

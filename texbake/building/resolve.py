@@ -45,7 +45,7 @@ class StepState:
     node: Node
     state: str = WAITING
     key: str = ""  # known once all steps before it have results
-    # inputs, ingredients: like the key
+    # inputs and ingredients, known once the key is
     inputs: dict[str, tuple[TaskInput, ...]] = field(default_factory=dict)
     ingredients: Ingredients = field(default_factory=dict)
     manifest: Manifest | None = None  # of its result
@@ -176,7 +176,7 @@ class Resolver:
 
 
 def _described(item: TaskInput) -> dict[str, Any]:
-    """Return what of an input counts; files that are read with it count as well."""
+    """Return what the key of a step contains for an input, with its sidecars."""
     described: dict[str, Any] = {"called": item.called, "sha256": item.sha256}
     if item.sidecars:
         described["with"] = [digest for _, digest in item.sidecars]

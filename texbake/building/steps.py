@@ -1,4 +1,4 @@
-"""All kinds of steps: those of verbs, and the page of an asset, which stands here."""
+"""All kinds of steps: those of verbs, and the page of an asset, which is defined here."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def outside(checked: CheckedMesh) -> BoolArray:
     return np.asarray(beyond & ~checked.stacked.stacked)
 
 
-# Of those that say just which faces, the largest are the worst.
+# Where a check only selects faces, the largest of them are the worst.
 CHECKS: tuple[Look, ...] = (
     outside_tile,
     overlapping_coordinates,

@@ -312,5 +312,5 @@ def _simplified(
         high=bare, rule=rule, n_faces=n_faces, quality=options.quality, threads=options.threads,
         progress=progress,
     )  # fmt: skip
-    made = maker.make(options.remesh, must_reach=options.n_faces is not None)
-    return made.mesh, made
+    low_poly = maker.make(options.remesh, must_reach=options.n_faces is not None)
+    return low_poly.mesh, low_poly

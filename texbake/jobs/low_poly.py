@@ -66,7 +66,7 @@ class LowPolyMaker:
     progress: ProgressSink | None = None
 
     def make(self, remesh: str, *, must_reach: bool = True) -> LowPoly:
-        """Reduce the mesh to a number of faces, from a closed surface around it if it is closer."""
+        """Reduce the mesh to a number of faces; if that is closer to it, from a wrap around it."""
         if remesh == "always":
             low = self._closest(self._wrapped(None))
         else:
@@ -86,19 +86,19 @@ class LowPolyMaker:
         if n_faces is not None and self.high.n_faces <= n_faces:
             return self._kept()
         reason = reason_to_wrap(self.high, None if has_error else n_faces, threads=self.threads)
-        kept = None
+        from_high = None
         if reason is None:
-            kept = self._kept()
-            if has_error or kept.report.is_whole:
-                return kept
+            from_high = self._kept()
+            if has_error or from_high.report.is_whole:
+                return from_high
             reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
         try:
             candidates = self._wrapped(reason)
         except MeshError:
-            return kept or self._kept()
+            return from_high or self._kept()
         is_certain = reason.is_certain and any(low.report.is_whole for low in candidates)
         if not (has_error or is_certain):
-            candidates.append(kept or self._kept())
+            candidates.append(from_high or self._kept())
         return self._closest(candidates)
 
     def _simplified(self, mesh: Mesh, quality: str) -> LowPoly:
@@ -120,7 +120,7 @@ class LowPolyMaker:
 
     def _wrapped(self, reason: Reason | None) -> list[LowPoly]:
         """Make one mesh of each wrap."""
-        found = wraps(
+        candidates = wraps(
             self.high,
             self.n_faces if self.error is None else None,
             has_tunnels=reason is not None and reason.has_tunnels,
@@ -128,13 +128,13 @@ class LowPolyMaker:
             threads=self.threads,
             progress=self.progress,
         )
-        return [self._of_wrap(*wrap, reason) for wrap in found]
+        return [self._of_wrap(*wrap, reason) for wrap in candidates]
 
     def _of_wrap(self, wrap: Mesh, width: float, n_left_out: int, reason: Reason | None) -> LowPoly:
         name, diagonal = self.high.name, self.high.diagonal
         # The vertices of a wrap are not vertices of the mesh, so they may move.
-        made = self._simplified(wrap, "best" if width else self.quality)
-        low = replace(made, is_of_wrap=True)
+        simplified = self._simplified(wrap, "best" if width else self.quality)
+        low = replace(simplified, is_of_wrap=True)
         why: list[str] = []
         if reason is not None:
             is_closed = surface_side(wrap, threads=self.threads) != "both"

@@ -1,4 +1,4 @@
-"""What a preview draws, and how it is seen where neither the file nor an option says it.
+"""The scene that a preview draws, with the camera and lights that no file or option sets.
 
 A mesh is lit by the studio, and so is a scene without lights. Pictures in this light are exposed. A
 table beside the picture reports which sides and camera were chosen, and warnings say if nothing can

@@ -186,22 +186,22 @@ def run(
         turning, threads = options.orientation, options.threads
         high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
         high = rule.of_high(high, threads=threads)
-        # Seams are dropped, because its charts are made again.
+        # Seams are dropped, because the unwrap cuts new charts.
         maker = LowPolyMaker(
             high=high, rule=rule, n_faces=options.n_faces, error=options.error,
             quality=options.quality, seams="drop", threads=threads, progress=progress,
         )  # fmt: skip
-        made = maker.make(options.remesh)
-    low = rule.before_unwrap(made.mesh.replace(name=files["mesh"].name))
+        low_poly = maker.make(options.remesh)
+    low = rule.before_unwrap(low_poly.mesh.replace(name=files["mesh"].name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
         low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
         low = rule.after_unwrap(low)
         write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
     with stages.part("bake"):
-        chosen = made.aimed(options.bake_options(channels, unwrapped.options.padding))
+        chosen = low_poly.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        if made.ray_distance is None:  # otherwise they miss what fills the tunnels
+        if low_poly.ray_distance is None:  # otherwise they miss what fills the tunnels
             baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("write maps"):
@@ -221,8 +221,8 @@ def run(
         high=high,
         low=low,
         orientation=orientation,
-        why_closed=made.why,
-        simplified=made.report,
+        why_closed=low_poly.why,
+        simplified=low_poly.report,
         unwrapped=unwrapped,
         baked=baked,
         comparison=comparison,

@@ -177,21 +177,21 @@ def _unwrapped(
                 f"origin; keep them within {_FARTHEST:.0e}"
             )
         if mesh.uvs is None:
-            whole = np.zeros((mesh.n_faces, 3, 2))
+            corner_uvs = np.zeros((mesh.n_faces, 3, 2))
             if not faces.all():
-                others = int(mesh.n_faces - faces.sum())
-                part.tallies["faces of other groups without coordinates"] = others
+                n_others = int(mesh.n_faces - faces.sum())
+                part.tallies["faces of other groups without coordinates"] = n_others
         else:
-            whole = mesh.corner_uvs().copy()
-        whole[faces] = corners
-        made = with_coordinates(mesh, whole)
+            corner_uvs = mesh.corner_uvs().copy()
+        corner_uvs[faces] = corners
+        unwrapped = with_coordinates(mesh, corner_uvs)
         if normals == "uv":
-            made = with_normals(made, normals)
+            unwrapped = with_normals(unwrapped, normals)
         if options.uv_set is not None:
-            assert made.uvs is not None and made.uv_faces is not None
-            further = UvSet(made.uvs, made.uv_faces)
-            made = mesh.replace(uv_sets={**mesh.uv_sets, options.uv_set: further})
-        results.append((made, part))
+            assert unwrapped.uvs is not None and unwrapped.uv_faces is not None
+            further = UvSet(unwrapped.uvs, unwrapped.uv_faces)
+            unwrapped = mesh.replace(uv_sets={**mesh.uv_sets, options.uv_set: further})
+        results.append((unwrapped, part))
     return results
 
 

@@ -284,7 +284,7 @@ def _converted(
 ) -> npt.NDArray[Any]:
     """Return a read-only, contiguous array of a type and shape (None: any length).
 
-    Integers stay what they are.
+    Integers are neither rounded nor wrapped around: values that do not fit are errors.
     """
     if np.ma.is_masked(value):
         raise MeshError(f"{what} has masked numbers; leave them out")

@@ -181,7 +181,7 @@ def remesh(
 
 
 def looks_open(mesh: Mesh, *, threads: int | None = None) -> bool:
-    """Tell whether `remesh` keeps a mesh open."""
+    """Return whether `remesh` keeps a mesh open."""
     points = Grid.around(mesh, RemeshOptions()).to_voxels(mesh.positions)
     return kind_of(points, mesh.faces, threads=threads).is_open
 

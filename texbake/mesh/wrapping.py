@@ -165,7 +165,7 @@ class Reason:
 def reason_to_wrap(
     mesh: Mesh, n_faces: int | None = None, *, threads: int | None = None
 ) -> Reason | None:
-    """Say why a mesh should be wrapped before it is simplified; None where it should not."""
+    """Return why a mesh should be wrapped before it is simplified; None where it should not."""
     faces = weld_vertices(mesh, threads=threads)[mesh.faces]
     faces = np.ascontiguousarray(faces[~repeated_vertices(faces)], dtype=np.int32)
     edges = find_edges(faces)

@@ -134,9 +134,9 @@ class RayScene:
         order = np.argsort(keys, kind="stable")
         groups = _groups(keys[order]) if in_bundles else np.arange(len(rays), dtype=np.int32)
         make = rows_of(rays.where(order), RayPlaces(groups))
-        found = self.cast_in_order(len(rays), make, cull_back_faces=cull_back_faces)
+        sorted_hits = self.cast_in_order(len(rays), make, cull_back_faces=cull_back_faces)
         hits = RayHits.misses(len(rays))
-        for mine, theirs in zip(hits.arrays(), found.arrays(), strict=True):
+        for mine, theirs in zip(hits.arrays(), sorted_hits.arrays(), strict=True):
             mine[order] = theirs
         return hits
 
@@ -145,8 +145,8 @@ class RayScene:
     ) -> RayHits:
         """As `cast`, of `n` rays in the order of their places.
 
-        `make` returns those of a band with their places, again for each tree, so that rays need no
-        memory where a mesh is traced in chunks. `threads`: None for those of the scene.
+        `make` returns the rays of a band with their places. It runs again for each tree, so that no
+        rays are stored while a mesh is traced in chunks. `threads`: None for those of the scene.
         """
         hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
@@ -158,7 +158,7 @@ class RayScene:
 
             def cast(start: int, stop: int, tree: MortonTree = tree) -> None:
                 band, box = slice(start, stop), boxes[start // _RAYS_PER_BAND]
-                # Not of a box that is not known yet, whose coordinates are NaN.
+                # False for a box that is not known yet: its coordinates are NaN.
                 first, last = box[:3] - _BOX_SLACK, box[3:] + _BOX_SLACK
                 if (last < tree.box[:3]).any() or (first > tree.box[3:]).any():
                     return

@@ -50,7 +50,7 @@ def run_experiment(
     def run(setting: Setting) -> tuple[object, float]:
         return _timed(lambda: experiment.work(setting.value), clock)
 
-    def seconds_of(setting: Setting) -> float:  # its product, which may be large, is gone
+    def seconds_of(setting: Setting) -> float:  # and free the product, which may be large
         return run(setting)[1]
 
     settings = experiment.settings
@@ -60,11 +60,11 @@ def run_experiment(
     peaks: list[int | None] = []
     times: list[list[float]] = []
     for setting in settings:
-        (product, taken), peak = with_peak_memory(partial(run, setting))
+        (product, elapsed), peak = with_peak_memory(partial(run, setting))
         outcomes.append(experiment.judge(setting.value, product))
         del product
         peaks.append(peak)
-        times.append([taken] if taken > seconds else [])
+        times.append([elapsed] if elapsed > seconds else [])
         advance(1)
     least = min(repeats, LEAST_RUNS)
     for number in range(repeats):
@@ -75,10 +75,10 @@ def run_experiment(
             n = len(times[i])
             if n < repeats and (n < least or sum(times[i]) < seconds):
                 if number == 0:
-                    taken, peaks[i] = with_peak_memory(partial(seconds_of, settings[i]))
+                    elapsed, peaks[i] = with_peak_memory(partial(seconds_of, settings[i]))
                 else:
-                    taken = seconds_of(settings[i])
-                times[i].append(taken)
+                    elapsed = seconds_of(settings[i])
+                times[i].append(elapsed)
             advance(1)
     return tuple(
         Measurement(setting, outcome, tuple(runs), peak)

@@ -201,7 +201,7 @@ def _step(job: Job) -> dict[str, Any]:
     # A limit changes no byte; some maps need the high-poly mesh as a whole.
     whole = streaming_obstacle(map_kinds(options.maps), options) or job.input("high_texture")
     options = replace(options, max_memory=None if whole else job.most_memory)
-    done = bake_files(
+    result = bake_files(
         job.file("high"),
         job.file("low"),
         {name: job.outputs[name] for name in job.settings["maps"]},
@@ -212,17 +212,17 @@ def _step(job: Job) -> dict[str, Any]:
             miss_map=job.outputs["misses"],
         ),
     )
-    report = done.to_json()
+    report = result.to_json()
     for file in report["files"].values():
         file["path"] = file["path"].name  # the folder is a temporary one
     write_report(job.outputs["report"], without_timings(report))
     return {
-        "faces": done.report.n_low_faces,
-        "miss_percent": done.report.miss_percent,
-        "texels_covered": done.report.texels_covered,
-        "distance_percentiles": {str(k): v for k, v in done.report.distance_percentiles.items()},
-        "notes": list(done.report.warnings),
-        "stages": stage_seconds(done.report.stages),
+        "faces": result.report.n_low_faces,
+        "miss_percent": result.report.miss_percent,
+        "texels_covered": result.report.texels_covered,
+        "distance_percentiles": {str(k): v for k, v in result.report.distance_percentiles.items()},
+        "notes": list(result.report.warnings),
+        "stages": stage_seconds(result.report.stages),
     }
 
 

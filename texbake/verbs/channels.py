@@ -191,8 +191,8 @@ def _channels(job: Job) -> dict[str, Any]:
     return {"output": job.outputs["texture"], "options": None, **maps}
 
 
-def _size(done: JobResult[ChannelsReport]) -> dict[str, Any]:
-    return {"width": done.report.width, "height": done.report.height}
+def _size(result: JobResult[ChannelsReport]) -> dict[str, Any]:
+    return {"width": result.report.width, "height": result.report.height}
 
 
 def _check_maps(settings: Settings, roles: frozenset[str]) -> None:

@@ -164,7 +164,7 @@ def normal_to_height_file(
       texbake mipmap wood.png -o levels.png --filter kaiser --wrap clamp
       texbake mipmap normal.png -o levels/ --kind normal --roughness rough/
     """,
-    table=lambda done: [],
+    table=lambda result: [],
 )
 def mipmap_files(
     image: PathLike,
@@ -186,7 +186,7 @@ MIPMAP = step_of(
     does="makes the mip levels of an image",
     without=(),
     outputs=lambda settings: {"levels": "levels"},
-    figures=lambda done: {"levels": done.report},
+    figures=lambda result: {"levels": result.report},
     # Per byte of a compressed image: decoded, with mip levels.
     memory=lambda settings, sizes: PROCESS + 64 * MB + 60 * n_bytes(sizes, "image"),
 )
@@ -208,9 +208,9 @@ MIPMAP = step_of(
       texbake cubemap faces/ -o pano.hdr
       texbake cubemap skybox/ -o sky.png --convention inside
     """,
-    table=lambda done: [
-        ("from", done.report.source_layout),
-        ("to", f"{done.report.layout} of {done.report.size:,} px"),
+    table=lambda result: [
+        ("from", result.report.source_layout),
+        ("to", f"{result.report.layout} of {result.report.size:,} px"),
     ],
 )
 def cubemap_files(
@@ -228,11 +228,11 @@ def cubemap_files(
     """
     from texbake.texture.cube_files import convert_cube
 
-    done = convert_cube(source, output, options, threads=threads)
+    result = convert_cube(source, output, options, threads=threads)
     warnings: tuple[str, ...] = ()
-    if done.clipped:
+    if result.clipped:
         warnings = (
-            f"{output}: {done.clipped:.2%} of the values lie outside of 0 to 1 and were clipped; "
+            f"{output}: {result.clipped:.2%} of the values lie outside of 0 to 1 and were clipped; "
             "EXR and HDR files keep them",
         )
-    return JobResult(files=done.files, report=done, warnings=warnings)
+    return JobResult(files=result.files, report=result, warnings=warnings)

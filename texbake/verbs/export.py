@@ -64,7 +64,7 @@ def _with_named_maps(values: dict[str, Any]) -> dict[str, Any]:
       texbake export low.glb --to unity --map normal=n.png --map roughness=r.png -o unity
       texbake export low.obj --to threejs --maps maps --level lod1.obj --compress -o web
     """,
-    table=lambda done: [],
+    table=lambda result: [],
     prepare=_with_named_maps,
 )
 def export_files(
@@ -107,10 +107,10 @@ def _of_asset(job: Job) -> dict[str, Any]:
     return {"output": job.outputs["folder"], "options": options, "named_maps": maps}
 
 
-def _figures(done: ExportResult) -> dict[str, Any]:
+def _figures(result: ExportResult) -> dict[str, Any]:
     return {
-        "bytes": sum(path.stat().st_size for path in done.files),
-        "notes": list(done.warnings),
+        "bytes": sum(path.stat().st_size for path in result.files),
+        "notes": list(result.warnings),
     }
 
 

@@ -113,13 +113,13 @@ def info_file(
         read = read_mesh(mesh, progress=progress)
         contents = read_contents(mesh)
     images = {} if contents is None else contents.images
-    found = MeshFileInfo(
+    info = MeshFileInfo(
         mesh=mesh_info(read),
         distortion=distortion(read, texture.size) if uv else None,
         contents=contents,
         image_shapes={name: _shape(data, name) for name, data in images.items()},
     )
-    return JobResult(files=(), report=found)
+    return JobResult(files=(), report=info)
 
 
 def _shape(data: bytes | None, name: str) -> tuple[int, int, int] | None:
@@ -132,47 +132,47 @@ def _shape(data: bytes | None, name: str) -> tuple[int, int, int] | None:
         return None
 
 
-def _rows(found: MeshInfo) -> Rows:
-    low, high = found.bounds
-    normals = "none" if found.n_normals is None else f"{found.n_normals:,}"
-    genus = "" if found.genus is None else f", genus {found.genus:,}"
+def _rows(info: MeshInfo) -> Rows:
+    low, high = info.bounds
+    normals = "none" if info.n_normals is None else f"{info.n_normals:,}"
+    genus = "" if info.genus is None else f", genus {info.genus:,}"
     extras = [
         name
-        for name, there in (("tangents", found.has_tangents), ("colors", found.has_colors))
+        for name, there in (("tangents", info.has_tangents), ("colors", info.has_colors))
         if there
     ]
     rows = [
-        ("name", found.name),
-        ("faces", f"{found.n_faces:,}"),
-        *([("triangles", f"{found.n_triangles:,}")] if found.n_triangles > found.n_faces else []),
-        ("vertices", f"{found.n_vertices:,}"),
+        ("name", info.name),
+        ("faces", f"{info.n_faces:,}"),
+        *([("triangles", f"{info.n_triangles:,}")] if info.n_triangles > info.n_faces else []),
+        ("vertices", f"{info.n_vertices:,}"),
         ("bounds", f"{_point(low)} to {_point(high)}"),
         ("size", f"{_point([b - a for a, b in zip(low, high, strict=True)])}"),
-        ("diagonal", f"{found.diagonal:.6g}"),
-        ("area", f"{found.area:.6g}"),
-        ("texture coordinates", _uvs(found)),
+        ("diagonal", f"{info.diagonal:.6g}"),
+        ("area", f"{info.area:.6g}"),
+        ("texture coordinates", _uvs(info)),
         ("normals", normals),
         ("tangents, colors", ", ".join(extras) or "none"),
-        ("components", f"{found.n_components:,}"),
-        ("closed", f"yes{genus}" if found.closed else f"no{genus}"),
-        ("boundary edges", f"{found.n_boundary_edges:,}"),
-        ("non-manifold edges", f"{found.n_non_manifold_edges:,}"),
-        ("misoriented edges", f"{found.n_misoriented_edges:,}"),
-        ("degenerate faces", f"{found.n_degenerate_faces:,}"),
-        ("duplicate faces", f"{found.n_duplicate_faces:,}"),
-        ("unused vertices", f"{found.n_unused_vertices:,}"),
-        ("vertices at one place", f"{found.n_split_vertices:,}"),
+        ("components", f"{info.n_components:,}"),
+        ("closed", f"yes{genus}" if info.closed else f"no{genus}"),
+        ("boundary edges", f"{info.n_boundary_edges:,}"),
+        ("non-manifold edges", f"{info.n_non_manifold_edges:,}"),
+        ("misoriented edges", f"{info.n_misoriented_edges:,}"),
+        ("degenerate faces", f"{info.n_degenerate_faces:,}"),
+        ("duplicate faces", f"{info.n_duplicate_faces:,}"),
+        ("unused vertices", f"{info.n_unused_vertices:,}"),
+        ("vertices at one place", f"{info.n_split_vertices:,}"),
     ]
-    groups = [(f"group {group.name}", counted(group.n_faces, "face")) for group in found.groups]
+    groups = [(f"group {group.name}", counted(group.n_faces, "face")) for group in info.groups]
     rows += groups[:_GROUPS_SHOWN]
     if len(groups) > _GROUPS_SHOWN:
         rows.append(("more groups", f"{len(groups) - _GROUPS_SHOWN:,}; --json lists them all"))
     return rows
 
 
-def _content_rows(found: MeshFileInfo) -> Rows:
+def _content_rows(info: MeshFileInfo) -> Rows:
     """What the file says besides its surface: materials, images, UV sets, unit and up axis."""
-    contents = found.contents
+    contents = info.contents
     if contents is None:
         return []
     unit = contents.meters_per_unit
@@ -185,7 +185,7 @@ def _content_rows(found: MeshFileInfo) -> Rows:
         (f"material {material.name}", _channels(material.channels))
         for material in contents.materials
     ]
-    images = [(f"image {name}", _image(shape)) for name, shape in found.image_shapes.items()]
+    images = [(f"image {name}", _image(shape)) for name, shape in info.image_shapes.items()]
     if contents.passed_over:
         rows.append(("not read", ", ".join(contents.passed_over)))
     for listed, what in ((materials, "materials"), (images, "images")):
@@ -232,11 +232,11 @@ def _uvs(found: MeshInfo) -> str:
     return "; ".join(parts)
 
 
-def _worst_tables(found: Distortion) -> list[Table]:
+def _worst_tables(distortion: Distortion) -> list[Table]:
     """Return tables of the charts, then of the faces, with the greatest stretch."""
-    charts = sorted(found.charts, key=lambda chart: -chart.stretch.l2)[:_CHARTS_SHOWN]
-    of = f" of {found.n_charts:,}" if found.n_charts > len(charts) else ""
-    surface = sum(chart.area for chart in found.charts)
+    charts = sorted(distortion.charts, key=lambda chart: -chart.stretch.l2)[:_CHARTS_SHOWN]
+    of = f" of {distortion.n_charts:,}" if distortion.n_charts > len(charts) else ""
+    surface = sum(chart.area for chart in distortion.charts)
     heads = ("chart", "L2", "L2 alone", "L∞", "Dirichlet", "faces", "mirrored", "surface", "texels")
     of_charts: Table = [
         (
@@ -260,7 +260,7 @@ def _worst_tables(found: Distortion) -> list[Table]:
             f"{face.linf:.4f}",
             "mirrored" if face.mirrored else "",
         )
-        for face in found.worst_faces
+        for face in distortion.worst_faces
     ]
     return [
         [(f"Charts of greatest stretch{of}", "")],

@@ -67,9 +67,9 @@ class Relief:
       texbake make height-field -o hill.ply --image hill.png --height 0.4
       texbake make cylindrical-range -o head.ply --image radius.exr --max-step 0.02
     """,
-    table=lambda done: [
-        ("faces", f"{done.report.n_faces:,}"),
-        ("vertices", f"{done.report.n_vertices:,}"),
+    table=lambda result: [
+        ("faces", f"{result.report.n_faces:,}"),
+        ("vertices", f"{result.report.n_vertices:,}"),
     ],
 )  # fmt: skip
 def make_file(

@@ -1,4 +1,4 @@
-"""`bake-normals` and `bake-displacement`, of one map each, `remap`, and what bakes share."""
+"""`bake-normals` and `bake-displacement`, of one map each, `remap`, and parts that bakes share."""
 
 from __future__ import annotations
 
@@ -226,6 +226,6 @@ def remap_files(
     result = remap_hits(kept, options, progress=progress)
     with stages.stage("write maps"):
         written = written_maps(result, files, Path(output))
-    done = map_files(result.report, stages.records, written)
+    map_result = map_files(result.report, stages.records, written)
     # Warnings about the rays were given when they were cast.
-    return replace(done, warnings=clipping_warnings(written.values()))
+    return replace(map_result, warnings=clipping_warnings(written.values()))

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
       texbake repair scan.ply -o clean.ply
       texbake repair model.obj -o clean.obj --no-winding
     """,
-    table=lambda done: [
-        ("faces", f"{done.report.n_faces:,}"),
-        *((title, f"{count:,}") for title, count in done.report.counts.items()),
+    table=lambda result: [
+        ("faces", f"{result.report.n_faces:,}"),
+        *((title, f"{count:,}") for title, count in result.report.counts.items()),
     ],
 )
 def repair_file(
@@ -60,17 +60,17 @@ REPAIR = step_of(
     without=(),
     outputs=lambda settings: {"mesh": f"repaired.{settings['format']}"},
     memory=lambda settings, sizes: PROCESS + 600 * n_faces(sizes, "mesh"),
-    figures=lambda done: {
-        "faces": done.report.n_faces,
-        "repairs": dict(done.report.counts),
-        "notes": list(done.warnings),
+    figures=lambda result: {
+        "faces": result.report.n_faces,
+        "repairs": dict(result.report.counts),
+        "notes": list(result.warnings),
     },
 )
 
 
-def _size_table(done: JobResult[Mesh]) -> Rows:
+def _size_table(result: JobResult[Mesh]) -> Rows:
     """Return rows about the size of a mesh."""
-    mesh, (low, high) = done.report, done.report.bounds
+    mesh, (low, high) = result.report, result.report.bounds
     bounds = " to ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (low, high))
     return [
         ("faces", f"{mesh.n_polygons:,}"),
@@ -115,8 +115,8 @@ def transform_file(
     return write_result(moved, output, materials, moved, mtl=mtl)
 
 
-def _transform_figures(done: JobResult[Mesh]) -> dict[str, Any]:
-    return {"faces": done.report.n_polygons, "notes": list(done.warnings)}
+def _transform_figures(result: JobResult[Mesh]) -> dict[str, Any]:
+    return {"faces": result.report.n_polygons, "notes": list(result.warnings)}
 
 
 TRANSFORM = step_of(
@@ -153,8 +153,8 @@ def convert_file(
     return transform_file(mesh, output, options, progress=progress)
 
 
-def _remesh_table(done: JobResult[RemeshReport]) -> Rows:
-    report, distance, diagonal = done.report, done.report.distance, done.report.diagonal
+def _remesh_table(result: JobResult[RemeshReport]) -> Rows:
+    report, distance, diagonal = result.report, result.report.distance, result.report.diagonal
     return [
         ("triangles", f"{report.n_faces_before:,} to {report.n_faces:,}"),
         ("surface", f"{report.surface}: {report.reason}"),
@@ -228,10 +228,10 @@ REMESH = step_of(
     without=("n_faces", "quality"),
     outputs=lambda settings: {"mesh": f"remeshed.{settings['format']}"},
     memory=_remesh_memory,
-    figures=lambda done: {
-        "faces": done.report.n_faces,
-        "components": done.report.n_components,
-        "notes": list(done.warnings),
+    figures=lambda result: {
+        "faces": result.report.n_faces,
+        "components": result.report.n_components,
+        "notes": list(result.warnings),
     },
     revision=2,
 )

@@ -40,14 +40,14 @@ class PackedFiles(JobResult["PackedTextures"]):
     images: tuple[str, ...]
 
 
-def _table(done: PackedFiles) -> Rows:
-    packed: PackedTextures = done.report
+def _table(result: PackedFiles) -> Rows:
+    packed: PackedTextures = result.report
     height, width = packed.pixels.shape[:2]
     return [
         ("size", f"{width} x {height}, {100 * packed.filled:.1f} % filled"),
         *(
             (f"  {name}", f"{place.width} x {place.height} at {place.left}, {place.top}")
-            for name, place in zip(done.images, packed.places, strict=True)
+            for name, place in zip(result.images, packed.places, strict=True)
         ),
     ]
 
@@ -197,7 +197,7 @@ STEP = step_of(
     options=PackTexturesStep,
     outputs=_packed_files,
     prepare=_outputs,
-    figures=lambda done: {"filled": done.report.filled, "scale": done.report.scale},
+    figures=lambda result: {"filled": result.report.filled, "scale": result.report.scale},
     memory=_memory,
     check=_check_meshes,
 )

@@ -199,17 +199,17 @@ def preview_files(
     check_distinct([*pictures, report, html], scene.files)
     view = default_view(input, scene, chosen)
     variants = side_by_side_options(view.options, choices)
-    done = draw_preview(
+    result = draw_preview(
         view, variants, output, n_views, contributions=contributions or html is not None,
         normal_map=normal_map, space=space, threads=threads, progress=progress, clock=clock,
     )  # fmt: skip
-    if html is not None and done.report is not None:
+    if html is not None and result.report is not None:
         # Imported here, so that other pictures do not load what pages need.
         from texbake.pages.picture_pages import write_contributions_page
 
         name = Path(input).name
-        write_contributions_page(html, name, done.report, done.contributions, command)
-    return replace(done, files=present_paths(output, html))
+        write_contributions_page(html, name, result.report, result.contributions, command)
+    return replace(result, files=present_paths(output, html))
 
 
 def _step(job: Job) -> dict[str, Any]:

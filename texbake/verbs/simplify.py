@@ -26,8 +26,8 @@ _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
 
 
-def _table(done: JobResult[SimplifyReport]) -> Rows:
-    report, distance = done.report, done.report.distance
+def _table(result: JobResult[SimplifyReport]) -> Rows:
+    report, distance = result.report, result.report.distance
     return [
         ("triangles", f"{report.n_faces_before:,} to {report.n_faces:,}"),
         ("vertices", f"{report.n_vertices:,}"),
@@ -70,8 +70,8 @@ def simplify_file(
     ways.
     """
     levels = [(options.n_faces, output)]
-    (done,) = simplify_levels(mesh, levels, options, mtl=mtl, threads=threads, progress=progress)
-    return done
+    (result,) = simplify_levels(mesh, levels, options, mtl=mtl, threads=threads, progress=progress)
+    return result
 
 
 @appearing_together()
@@ -107,13 +107,13 @@ def simplify_levels(
     if options.join_objects:
         read = joined_objects(read)
     high, turned = oriented(read, options.orientation, threads=threads)
-    done = []
+    results = []
     for count, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
         level = _level(high, materials, count, output, options, mtl, threads, progress)
         figures = replace(level.report, notes=(*turned.notes, *level.report.notes))
-        done.append(replace(level, report=figures, warnings=(*figures.notes, *level.warnings)))
-    return done
+        results.append(replace(level, report=figures, warnings=(*figures.notes, *level.warnings)))
+    return results
 
 
 def _level(
@@ -205,7 +205,7 @@ class SimplifyStep(SimplifyOptions, _Levels):
 def _step(job: Job) -> dict[str, Any]:
     options: SimplifyStep = STEP.made(job.settings)
     levels = list(zip(options.levels, job.outputs.values(), strict=True))
-    done = simplify_levels(job.file("mesh"), levels, options, mtl=False, threads=job.threads)
+    results = simplify_levels(job.file("mesh"), levels, options, mtl=False, threads=job.threads)
     return {
         "levels": [
             {
@@ -214,7 +214,7 @@ def _step(job: Job) -> dict[str, Any]:
                 "distance_max_relative": level.report.distance.max_relative,
                 "notes": list(level.warnings),
             }
-            for level in done
+            for level in results
         ]
     }
 

@@ -216,7 +216,7 @@ STEP = step_of(
     does="bakes a procedure, such as marble, into a texture",
     options=BakeTextureStep,
     outputs=lambda settings: {"texture": f"texture.{settings['format']}"},
-    figures=lambda done: {"notes": list(done.warnings)},
+    figures=lambda result: {"notes": list(result.warnings)},
     memory=lambda settings, sizes: (
         PROCESS + READ_FACE * n_faces(sizes, "mesh") + TEXEL * n_texels(settings)
     ),

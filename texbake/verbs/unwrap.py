@@ -61,10 +61,10 @@ class UnwrapFiles(JobResult[tuple["UnwrapReport", ...]]):
         return reports[0] if len(reports) == 1 else {"meshes": reports}
 
 
-def _table(done: JobResult[tuple[UnwrapReport, ...]]) -> Rows:
+def _table(result: JobResult[tuple[UnwrapReport, ...]]) -> Rows:
     rows: Rows = []
-    for report in done.report:
-        if len(done.report) > 1:
+    for report in result.report:
+        if len(result.report) > 1:
             rows.append((report.mesh, ""))
         rows.append(("faces", f"{report.n_faces:,}"))
         if report.distortion is None:
@@ -151,7 +151,7 @@ def unwrap_files(
     if len(sources) > 1:
         make_folder(output)
     is_further = options.uv_set is not None
-    done = [
+    written = [
         _written(source, high, mesh, path, mtl=mtl, is_further=is_further)
         for source, high, (mesh, _), path in zip(sources, read, results, outputs, strict=True)
     ]
@@ -160,9 +160,9 @@ def unwrap_files(
     reports = tuple(figures for _, figures in results)
     notes = [f"{made.mesh}: {note}" for made in reports for note in made.notes]
     return UnwrapFiles(
-        files=(*(file for files, _ in done for file in files), *present_paths(layout, checker)),
+        files=(*(file for files, _ in written for file in files), *present_paths(layout, checker)),
         report=reports,
-        warnings=(*notes, *(line for _, lines in done for line in lines)),
+        warnings=(*notes, *(line for _, lines in written for line in lines)),
     )
 
 
@@ -225,8 +225,8 @@ class UnwrapStep(UnwrapOptions):
             raise OptionError("uv_set: a product has no file beside it; set format = 'glb'")
 
 
-def _figures(done: JobResult[tuple[UnwrapReport, ...]]) -> dict[str, Any]:
-    (report,) = done.report
+def _figures(result: JobResult[tuple[UnwrapReport, ...]]) -> dict[str, Any]:
+    (report,) = result.report
     measured = report.distortion
     return {
         "faces": report.n_faces,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Function = TypeVar("Function", bound=Callable[..., Any])
 Rows = list[tuple[str, str]]
 
-# Modules of several verbs; each of the others stands in the module of its own name.
+# Modules that define several verbs; the module of every other verb has its name.
 _MODULES = {
     "map_bakes": ("bake-normals", "bake-displacement", "remap"),
     "texture_bakes": ("bake-texture", "bake-lightmap"),
@@ -79,7 +79,7 @@ class Options:
     """Fields of a class of options, at this place of the help page; all of them, or some by name.
 
     The function takes the instance as `options`; fields that stand `apart` are parameters of its
-    own. `more` is what the flags take: `without`, `unset`, `only_given`, `defaults`.
+    own. `more` are settings of the flags: `without`, `unset`, `only_given`, `defaults`.
     """
 
     def __init__(self, kind: type, *names: str, apart: bool = False, **more: Any) -> None:
@@ -142,8 +142,8 @@ class Verb:
         return [part for part in self.parts if isinstance(part, kind)]
 
 
-def _table(done: JobResult[Any]) -> Rows:
-    return done.report.table()  # type: ignore[no-any-return]
+def _table(result: JobResult[Any]) -> Rows:
+    return result.report.table()  # type: ignore[no-any-return]
 
 
 def verb(
@@ -157,8 +157,8 @@ def verb(
     """Declare a verb around its function, whose docstring is the help of the command.
 
     The function keeps its signature. It has the name of the verb, with `_file` or `_files` at the
-    end. Its outputs are checked before it runs and appear together; its report is written where it
-    is asked for. The other parameters are those of `Verb`.
+    end. Its outputs are checked before it runs and appear together; its report is written to
+    the file `report`, if any. The other parameters are those of `Verb`.
     """
 
     def declare(run: Function) -> Function:
@@ -243,11 +243,11 @@ def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
                 OUTPUT_CHECKS[part.kind](path)
 
 
-def _reported(done: JobResult[Any], report: Any) -> JobResult[Any]:
+def _reported(result: JobResult[Any], report: Any) -> JobResult[Any]:
     """Write the report of a result, if a file for it is given."""
-    if report is None or Path(report) in done.files:
-        return done
+    if report is None or Path(report) in result.files:
+        return result
     from texbake.jobs.outputs import write_report
 
-    write_report(report, done.to_json())
-    return replace(done, files=(*done.files, Path(report)))
+    write_report(report, result.to_json())
+    return replace(result, files=(*result.files, Path(report)))

@@ -32,7 +32,7 @@ _FOLDER = "Folder for the files, which is made if it is missing."
       texbake run scan.ply -o asset --error 0.5%
       texbake run scan.ply -o asset --faces 500 --max-error 0.5deg,0.01%
     """,
-    table=lambda done: done.table(),
+    table=lambda result: result.table(),
 )
 def run_files(
     high: PathLike,
@@ -109,7 +109,7 @@ def lighten_file(
       texbake demo -o orange --triangles 4000000
       texbake demo --html orange.html
     """,
-    table=lambda done: done.table(),
+    table=lambda result: result.table(),
 )
 def demo_files(
     output: PathLike = DEMO_FOLDER,

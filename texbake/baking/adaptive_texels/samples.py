@@ -174,7 +174,7 @@ class ValidationBake:
         self._ranks = ranks[hits.is_hit]
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """(n,) float64: how far the means (height * width, C) of a map are from those found here.
+        """(n,) float64: distances of a map's means (height * width, C) from the second bake.
 
         One for each texel where the second bake hit anything.
         """

@@ -1,4 +1,4 @@
-"""Texels divided into quarters, and these again: where their samples lie, cast and kept.
+"""Texels divided into quarters recursively: where their samples lie, and how they are cast.
 
 Cells of level 0 are the texels, all of them; a cell that is divided has four children on the next
 level. Each cell has one sample, where `core/quadtree.c` puts it. A texel that is certain to need it

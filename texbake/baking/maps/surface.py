@@ -1,4 +1,4 @@
-"""Maps of what the high-poly surface carries: curvature, ids, vertex colors, channels of materials.
+"""Maps of high-poly attributes: curvature, ids, vertex colors, channels of materials.
 
 There is a map for each channel, except for the normal. Images are looked up at each hit, bilinearly
 and in linear light, in `baking/channel_images.py`.

@@ -1,4 +1,4 @@
-"""Which part is baked from which, by name, and all other options of a bake of many parts.
+"""Matching high-poly to low-poly parts by name, and the other options of a bake of many parts.
 
 `body_low` is baked from `body_high`, `body_high_01` and so on.
 

@@ -229,9 +229,9 @@ class _GeometryReader:
         if colors is not None:
             values, rows = colors
             fields["colors"] = np.ones((len(self.positions), 4), np.float32)
-            used = self.slots.ravel()[::-1]  # of the colors at a vertex, the first comes last
+            slots = self.slots.ravel()[::-1]  # of the colors at a vertex, the first comes last
             with np.errstate(over="ignore"):  # `Mesh` refuses what is not finite
-                fields["colors"][self.vertices[used]] = values[rows[used]]
+                fields["colors"][self.vertices[slots]] = values[rows[slots]]
         return FbxGeometry(fields, self._materials(), uv_sets)
 
     def _first(self, layer: str) -> Node | None:
@@ -241,24 +241,24 @@ class _GeometryReader:
     def _uv_sets(self, names: Collection[str]) -> tuple[dict[str, FloatArray], Indices]:
         """Sets by their names, the first and those named, and the row of each corner in them all.
 
-        None where the first has nothing to say.
+        None where the first set has no values.
         """
-        found: dict[str, _Layer] = {}
+        layers: dict[str, _Layer] = {}
         for layer in sorted(self.node.named("LayerElementUV"), key=_number):
             name = layer.child_text("Name")
-            if found and (name in found or name not in names):
+            if layers and (name in layers or name not in names):
                 continue
             values = self._layer(layer, "UV", 2)
             if values is not None:
-                found[name] = values
-            elif not found:
+                layers[name] = values
+            elif not layers:
                 break
-        if len(found) < 2:
-            rows = next((rows for _, rows in found.values()), self.vertices)
-            return {name: values for name, (values, _) in found.items()}, rows
-        table = np.stack([rows for _, rows in found.values()], axis=1)
-        kept, numbers = unique_rows(table.astype(np.int32))
-        sets = {name: values[rows[kept]] for name, (values, rows) in found.items()}
+        if len(layers) < 2:
+            rows = next((rows for _, rows in layers.values()), self.vertices)
+            return {name: values for name, (values, _) in layers.items()}, rows
+        table = np.stack([rows for _, rows in layers.values()], axis=1)
+        row_ids, numbers = unique_rows(table.astype(np.int32))
+        sets = {name: values[rows[row_ids]] for name, (values, rows) in layers.items()}
         return sets, numbers.astype(np.int64)
 
     def _smoothing(self) -> dict[str, Any]:
@@ -285,7 +285,7 @@ class _GeometryReader:
         return smoothed_normals(self.positions, faces, polygons, self.slots, pairs, is_smooth)
 
     def _layer(self, node: Node | None, name: str, width: int) -> _Layer | None:
-        """Read a layer; None where it has nothing to say.
+        """Read a layer; None where no corner has a value.
 
         Of values that are listed for each corner, equal ones of a vertex become one.
         """

@@ -1,10 +1,10 @@
-"""Materials of glTF files, with those of all channels that `channels` says where to find.
+"""Materials of glTF files, in all channels of `channels`.
 
-`read_material` reads a material as the file has it, which those of a mesh and those of a scene are
-made from: images are named by their index, and read by `image_bytes` only when something asks for
-them; what a texture's `KHR_texture_transform` says is for coordinates with v down.
+`read_material` reads a material as it is in the file, for meshes and for scenes. It names images by
+their index, and `image_bytes` reads those that are used. A `KHR_texture_transform` applies to
+coordinates with v down.
 
-`read_gltf_materials` makes those of a mesh. The factor of an occlusion is its strength:
+`read_gltf_materials` reads the materials of a mesh. The factor of an occlusion is its strength:
 1 + strength (texel - 1). That of a normal map is its scale, which acts on x and y. A texture that
 cannot be read is noted, and the channel keeps its factor.
 

@@ -89,10 +89,10 @@ def read_parts(path: PathLike, stage: Any) -> list[UsdPart]:
     for prim, matrix in placed:
         with np.errstate(over="ignore", invalid="ignore"):
             matrix = pm.matmul(to_world, matrix)
-        found = _MeshReader(path, prim).read(is_alone=len(placed) == 1)
-        if found is None:
+        geometry = _MeshReader(path, prim).read(is_alone=len(placed) == 1)
+        if geometry is None:
             continue
-        part = UsdPart(*found, prim, matrix)
+        part = UsdPart(*geometry, prim, matrix)
         n_corners += max(part.mesh.faces.size, part.mesh.n_vertices)
         check_corner_count(n_corners, path)
         parts.append(part)
@@ -183,8 +183,8 @@ class _MeshReader:
         if vertices.size and (vertices.min() < 0 or vertices.max() >= len(points)):
             self.fail(f"a corner is none of its {len(points)} points")
         slots, polygons = triangulated(self.path, points, vertices, sizes)
-        kept = ~np.isin(polygons, self.integers(self.mesh.GetHoleIndicesAttr()))
-        slots, polygons = slots[kept], polygons[kept]
+        is_filled = ~np.isin(polygons, self.integers(self.mesh.GetHoleIndicesAttr()))
+        slots, polygons = slots[is_filled], polygons[is_filled]
         if len(slots) == 0:
             return None
         if self.mesh.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
@@ -231,7 +231,7 @@ class _MeshReader:
         return groups, holders
 
     def _colors(self) -> npt.NDArray[np.float32] | None:
-        """Colors at points, with opacities; a color of the whole is none."""
+        """Colors at points, with opacities; None where the mesh has one color as a whole."""
         columns = []
         for name, width in (("displayColor", 3), ("displayOpacity", 1)):
             primvar = _primvar(self.prim, name)
@@ -244,7 +244,7 @@ class _MeshReader:
         return np.concatenate(columns, axis=1) if columns else None
 
     def _normals(self) -> Any:
-        """Return the primvar `normals`, which stands above the attribute; None without either."""
+        """Return the primvar `normals`, or else the attribute; None without either."""
         attribute = self.mesh.GetNormalsAttr()
         primvar = _primvar(self.prim, "normals")
         return primvar or (attribute if attribute.Get(self.time) else None)
@@ -252,7 +252,7 @@ class _MeshReader:
     def _values(
         self, source: Any, width: int
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]] | None:
-        """(n, width) values, and the row of each corner; None where there is nothing.
+        """(n, width) values, and the row of each corner; None without a source.
 
         Values of corners that are listed one by one are welded where point and value agree.
         """

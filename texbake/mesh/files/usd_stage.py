@@ -128,7 +128,7 @@ def _reason(error: Exception) -> str:
 
 
 def meters_per_unit(stage: Any) -> float | None:
-    """Return the length of a stage's unit; None where it does not say it."""
+    """Return the length of a stage's unit in meters; None where the file does not state it."""
     from pxr import UsdGeom
 
     has_unit = UsdGeom.StageHasAuthoredMetersPerUnit(stage)

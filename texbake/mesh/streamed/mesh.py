@@ -171,7 +171,7 @@ class StreamedMesh:
 def _touching(
     marks: VertexMarks, faces: IntArray, threads: int | None
 ) -> tuple[IntArray, IntArray]:
-    """Return what `VertexMarks.touching` does, found in bands."""
+    """Return the result of `VertexMarks.touching`, computed in bands."""
     if len(faces) == 0:
         return faces, faces
     found: dict[int, tuple[IntArray, IntArray]] = {}

@@ -1,7 +1,7 @@
 """Mesh files that can be read in chunks: binary PLY and binary STL.
 
-A PLY file can if its vertices have rows of one size and stand before its faces, and if the corners
-of its faces have nothing of their own. Whatever else is read as a whole. The file is mapped, and
+A PLY file can if its vertices have rows of one size and come before its faces, and if the corners
+of its faces have no values of their own. Other files are read as a whole. The file is mapped, and
 positions are read where they are needed.
 
 Kernel: `core/streamed_vertices.c`.

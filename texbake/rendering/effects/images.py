@@ -149,7 +149,7 @@ def _load_images(state: RenderState, target: int) -> dict[str, LoadedImage]:
 def _loaded(
     state: RenderState, load: Compute[dict[str, LoadedImage]], found: dict[str, LoadedImage]
 ) -> Iterator[LoadedImage]:
-    """Images of other targets, and those that are found of this one; equal ones share texels."""
+    """Images of other targets, and of this one so far; equal images share texels."""
     for images in (*state.results.all(load).values(), found):
         yield from images.values()
 

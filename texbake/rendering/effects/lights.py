@@ -153,7 +153,7 @@ def arriving_light(light: PlacedLight, points: FloatArray, normals: Floats) -> I
 
 def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLight:
     """Light of one lamp at fragments, dimmed by the shadows and cookies in the plan."""
-    found = arriving_light(state.of(place_light, index), fragments.positions, fragments.normals)
+    light = arriving_light(state.of(place_light, index), fragments.positions, fragments.normals)
     passes = [
         item for item in state.plan.passes if item.effect.of == "light" and item.is_for(index)
     ]
@@ -162,12 +162,12 @@ def incident(fragments: Fragments, state: RenderState, index: int) -> IncidentLi
     known = None
     for name, work in steps:
         if work is not None:
-            if found.radiance is not known and not reaches_any(fragments, found):
+            if light.radiance is not known and not reaches_any(fragments, light):
                 break
-            known = found.radiance
+            known = light.radiance
             with state.costs.timed(name):
-                work(fragments, state, index, found)
-    return found
+                work(fragments, state, index, light)
+    return light
 
 
 def reaches_any(fragments: Fragments, incident: IncidentLight) -> bool:

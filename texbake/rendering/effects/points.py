@@ -28,8 +28,8 @@ from texbake.rendering.scene.scene import apply_mapping, place_mesh
 
 def textured_mesh(state: RenderState, target: int) -> Mesh:
     """Return the mesh of an object in world space, with the coordinates from its mapping."""
-    found = state.get(map_mesh, target)
-    return state.drawn(target).mesh if found is None else found.placed
+    mapped = state.get(map_mesh, target)
+    return state.drawn(target).mesh if mapped is None else mapped.placed
 
 
 def mapping_effect(request: RenderRequest, target: int) -> tuple[str, ...]:

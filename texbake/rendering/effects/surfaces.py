@@ -175,7 +175,7 @@ def _heights(holder: Displacement, values: FloatArray) -> FloatArray:
 
 
 def displace_object(state: RenderState, target: int) -> DrawnObject:
-    """Subdivide and displace an object for the camera, or take what is the same for all."""
+    """Subdivide and displace an object for the camera; reuse one that is the same for all."""
     known = state.of(_load_relief, target)
     if isinstance(known, DrawnObject):
         return known

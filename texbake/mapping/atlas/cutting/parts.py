@@ -170,11 +170,11 @@ def faces_done(
 
     Parts are done about in their order, so that it does not matter which of them they were.
     """
-    left = iter(sizes)
+    remaining_sizes = iter(sizes)
 
     def report(n_parts: int) -> None:
         if advance is not None:
-            advance(sum(islice(left, n_parts)))
+            advance(sum(islice(remaining_sizes, n_parts)))
 
     return report
 
