@@ -99,10 +99,21 @@ def test_trimesh_reads_it(path, sphere):
 TURNED = ((0.0, -2.0, 0.5), (3.0, 0.0, -0.25))
 
 
+@pytest.mark.parametrize(
+    "size, corner",
+    [
+        ((2.0, 0.5), (-0.7, -0.1)),
+        ((0.5, 0.5), (-0.1, 0.3)),
+        ((0.5, 0.5), (0.3, 0.6)),
+        ((2.0, 0.5), (-3.0, -2.0)),
+    ],
+)
 @pytest.mark.parametrize("placing", [((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), TURNED])
-def test_coordinates_beyond_the_square_are_put_back_by_the_texture(path, png, placing):
+def test_coordinates_beyond_the_square_are_put_back_by_the_texture(
+    path, png, placing, size, corner
+):
     mesh = plane()
-    mesh = mesh.replace(uvs=mesh.uvs * (2.0, 0.5) - (0.7, 0.1))
+    mesh = mesh.replace(uvs=mesh.uvs * size + corner)
     material = placed_image(png, placing)
     materials = Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(material,))
     write_glb(mesh, path, materials=materials, quantize=True)

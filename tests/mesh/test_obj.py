@@ -197,3 +197,14 @@ def test_a_finely_curved_surface_without_groups_stays_smooth(tmp_path):
         write_mesh(icosphere(level), path)
         path.write_text(path.read_text().replace("s 1\n", "s off\n"))
         assert (read_mesh(path).normals is None) == is_smooth
+
+
+@pytest.mark.parametrize("statement", ["usemtl {}\n", "g {}\n", "o {}\n"])
+def test_smoothing_groups_name_no_groups(read, statement):
+    polygons = zip("sab", (_SIDES, *_LIDS), strict=True)
+    parts = [statement.format(name) + faces for name, faces in polygons]
+    plain = read(_CUBE + "".join(parts))
+    smoothed = read(_CUBE + "s 1\n" + "s 2\n".join(parts))
+    assert smoothed.group_names == plain.group_names == ("s", "a", "b")
+    assert smoothed.group_objects == plain.group_objects
+    np.testing.assert_array_equal(smoothed.face_groups, plain.face_groups)

@@ -9,7 +9,13 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.info import mesh_info
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, vertex_curvatures
-from texbake.mesh.objects import joined_objects, object_names, vertex_objects
+from texbake.mesh.objects import (
+    has_borders,
+    joined_objects,
+    object_names,
+    vertex_objects,
+    without_borders,
+)
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube, icosphere
@@ -156,3 +162,14 @@ def test_objects_that_touch_are_repaired_and_checked_as_each_alone():
     assert not found & {"duplicate-faces", "non-manifold-edges", "inconsistent-winding"}
     joined, report = repair(mesh, RepairOptions(join_objects=True))
     assert joined.n_vertices == mesh.n_vertices - 4 and report.counts["duplicate faces"] == 2
+
+
+@pytest.mark.parametrize("n_groups", [1, 2, 3])
+def test_groups_of_one_object_have_borders_and_objects_have_none(n_groups):
+    mesh = icosphere(1)
+    ids, names = np.arange(mesh.n_faces) % n_groups, tuple("abc"[:n_groups])
+    whole = mesh.replace(face_groups=ids, group_names=names)
+    assert has_borders(whole) == (n_groups > 1)
+    apart = join_parts([grouped(mesh, name) for name in names], "apart")
+    assert not has_borders(apart)
+    assert not has_borders(without_borders(whole)) and not has_borders(mesh)
