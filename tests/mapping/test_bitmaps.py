@@ -60,6 +60,22 @@ def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
         taken |= binary_dilation(cells, near)
 
 
+@pytest.mark.parametrize("cell", [1, 2, 3, 5])
+@pytest.mark.parametrize("padding", [0, 1, 3, 8])
+def test_cells_are_kept_apart_whose_nearest_texels_are_too_near(padding: int, cell: int) -> None:
+    grid = PackingGrid.over((60 * cell, 50 * cell), padding, most_cells=60)
+    assert grid.cell == cell
+    reach = len(grid.half_widths) // 2
+    texels = np.indices((cell, cell)).reshape(2, -1).T
+    for row in range(-reach - 1, reach + 2):
+        near = []
+        for column in range(2 * padding + 3):
+            moves = texels[:, None] - texels + np.array([row, column]) * cell
+            near.append((moves**2).sum(axis=2).min() <= (2 * padding) ** 2)
+        expected = grid.half_widths[row + reach] + 1 if abs(row) <= reach else 0
+        assert sum(near) == expected and all(near[:expected])
+
+
 def test_charts_without_a_place_are_left_out() -> None:
     bitmaps = random_bitmaps(1, 30)
     grid = PackingGrid.over((24, 24), 0, most_cells=200)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.models import BROKEN, model, real
+from tests.models import BROKEN, model, of_cells, real
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting import cut, xatlas_charts
@@ -225,3 +225,12 @@ def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
     assert charts.faces[2].tolist() in ([charts.faces[1, 1]] * 3, [charts.faces[1, 2]] * 3)
     assert len(set(charts.faces[0].tolist())) == 1
     assert len(charts.uvs) == 3
+
+
+@pytest.mark.parametrize("shape", [(1, 11, 17), (17, 1, 11), (11, 17, 1)])
+def test_no_chart_of_a_thin_plate_goes_around_an_edge(shape: tuple[int, int, int]) -> None:
+    plate = of_cells(np.ones(shape, dtype=bool))
+    charts = cut_charts(plate, quality="fast")
+    a, b, c = plate.positions[plate.faces].transpose(1, 0, 2)
+    sides = np.column_stack([charts.chart_ids[charts.faces[:, 0]], np.cross(b - a, c - a)])
+    assert len(np.unique(sides, axis=0)) == charts.n_charts

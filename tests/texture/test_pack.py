@@ -1,5 +1,7 @@
 """Images packed into one, and meshes that look the same in it as before."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -8,7 +10,7 @@ from texbake.errors import OptionError, UvError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.lookup import lookup
-from texbake.texture.pack import PackOptions, pack_textures, place_rectangles
+from texbake.texture.pack import PackOptions, _without, pack_textures, place_rectangles
 
 Array = np.ndarray
 
@@ -126,3 +128,23 @@ def test_wrong_input_is_one_clear_error() -> None:
     for wrong in ({"size": 0}, {"padding": -1}, {"edges": "mirror"}):
         with pytest.raises(OptionError, match=next(iter(wrong))):
             PackOptions(**wrong)  # type: ignore[arg-type]
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 5)] * 2, *[st.integers(1, 4)] * 2), max_size=5))
+def test_what_is_free_are_the_largest_rectangles_of_empty_texels(
+    taken: list[tuple[int, int, int, int]],
+) -> None:
+    empty, free = np.ones((7, 8), bool), [(0, 0, 8, 7)]
+    for left, top, width, height in taken:
+        empty[top : top + height, left : left + width] = False
+        free = _without(free, (left, top, left + width, top + height))
+    found = {
+        (left, top, right, bottom)
+        for top, bottom in combinations(range(8), 2)
+        for left, right in combinations(range(9), 2)
+        if empty[top:bottom, left:right].all()
+    }
+    sides = (-1, 0, 0, 0), (0, -1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)
+    wider = {one: [tuple(np.add(one, side).tolist()) for side in sides] for one in found}
+    largest = {one for one in found if not found.intersection(wider[one])}
+    assert set(free) == largest and len(free) == len(largest)
