@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.rendering.conftest import pixel_rays
+from texbake.core import core
 from texbake.errors import UvError
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
@@ -378,3 +379,32 @@ def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second(s
     assert errors["central"][0] < 0.1 * errors["forward"][0]
     for name, order in (("forward", 2.0), ("backward", 2.0), ("central", 4.0)):
         assert errors[name][0] / errors[name][1] == pytest.approx(order, rel=0.2)
+
+
+def test_a_step_along_the_light_is_half_the_longest_and_0_where_the_light_leads_nowhere():
+    """On triangles of the plane z = 0: the light is projected onto it, in units of u and v."""
+    n, rng = 40, np.random.default_rng(3)
+    points = np.append(rng.normal(size=(n, 3, 2)), np.zeros((n, 3, 1)), axis=2)
+    points[-1] = points[-1, 0]  # no area
+    faces = np.arange(3 * n, dtype=np.int32).reshape(n, 3)
+    normal = np.array([[0.0, 0.0, 1.0]])
+    growth, longest = rng.normal(size=(n, 2, 2)), rng.uniform(0.01, 0.1, (n, 2))
+    light = rng.normal(size=(n, 3)).astype(np.float32)
+    light[:2] = [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]
+    shifts, lengths = np.full((n, 2), np.nan), np.full(n, np.nan)
+    core.find_light_steps(
+        points.reshape(-1, 3), faces, normal, np.zeros_like(faces), growth.reshape(n, 4),
+        np.eye(3), np.arange(n, dtype=np.int32), np.zeros((n, 2)),
+        np.repeat(normal.astype(np.float32), n, axis=0), np.zeros(n, bool), light, np.eye(3),
+        longest, shifts, lengths,
+    )  # fmt: skip
+    nowhere = [0, 1, n - 1]
+    np.testing.assert_array_equal(shifts[nowhere], 0.0)
+    np.testing.assert_array_equal(lengths[nowhere], 0.0)
+    along = growth @ (points[:, 1:] - points[:, :1])  # the ways that u and v lead
+    for i in range(2, n - 1):
+        toward = -light[i, :2] / np.linalg.norm(light[i])
+        step = np.linalg.solve(along[i, :, :2].T, toward)
+        expected = 0.5 * step / (np.abs(step) / longest[i]).max()
+        np.testing.assert_allclose(shifts[i], expected, rtol=1e-6)
+        np.testing.assert_allclose(shifts[i], step * lengths[i], rtol=1e-6)

@@ -452,3 +452,15 @@ def test_no_time_lies_farther_from_the_median_than_is_told():
     item = measured("a", [1.0, 1.0, 3.0], 5.0)
     assert spread(item) == 2.0
     assert "within ±200 % of their median" in findings(result_of(item))[-1]
+
+
+def test_time_budgets_are_shares_of_the_time_of_16_samples(monkeypatch):
+    from texbake.study.knobs import baked_maps
+
+    ticks = iter((10.0, 14.0))
+    monkeypatch.setattr(baked_maps.time, "perf_counter", lambda: next(ticks))
+    done = []
+    settings = baked_maps._settings(Case(quick=True), 64, done.append)
+    assert [options.samples for options in done] == [16, 16]
+    budgets = [setting.value.time_budget for setting in settings if "budget" in setting.label]
+    assert budgets == [f"{4.0 * share:.2g}s" for share in baked_maps._QUICK_BUDGETS]

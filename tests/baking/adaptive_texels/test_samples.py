@@ -105,7 +105,7 @@ def test_where_no_error_exceeds_the_bound_it_is_the_bake_with_one_sample(maps):
     assert one.missed.mean() == 0.375
     assert adaptive.report.distance_percentiles == one.report.distance_percentiles
     assert adaptive.report.texels_missed == one.report.texels_missed
-    assert adaptive.report.sampling.sample_percents[1] == 100.0
+    assert adaptive.report.sampling.sample_percents == {1: 100.0, 4: 0.0, 16: 0.0, 64: 0.0}
 
 
 def test_values_that_change_evenly_need_one_sample_at_borders_too():
