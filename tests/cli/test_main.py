@@ -61,8 +61,9 @@ def test_version(run: Run) -> None:
     assert (done.returncode, done.stdout) == (0, f"texbake, version {package.__version__}\n")
 
 
-def test_a_missing_command_is_wrong_usage_and_shows_the_help() -> None:
-    result = CliRunner().invoke(texbake, [])
+@pytest.mark.parametrize("words", [[], ["--allow-outside"], ["--max-triangles", "5"]])
+def test_a_missing_command_is_wrong_usage_and_shows_the_help(words: list[str]) -> None:
+    result = CliRunner().invoke(texbake, words)
     assert result.exit_code == 2
     assert "Meshes:" in result.output
 

@@ -100,6 +100,10 @@ def test_columns_on_a_terminal_are_as_wide_as_their_cells(
     assert capsys.readouterr().out.splitlines()[1] == "   7        4.0"
     columns([("why", "px"), (50 * "x", "4")], numbers=1)
     assert capsys.readouterr().out.splitlines()[1] == 35 * "x" + "…   4"
+    for n in 1, 3, 5:  # as wide as the terminal, whatever the number of columns
+        columns([("why", *"abcde"[1:n]), (50 * "x", *"12345"[1:n])])
+        line = capsys.readouterr().out.splitlines()[1]
+        assert len(line) == 40 and line.startswith((40 - 3 * (n - 1) - 1) * "x" + "…")
 
 
 def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> None:
