@@ -185,8 +185,8 @@ def scenes_page(page: str) -> str:
             rf"(^#+ {re.escape(heading)}\n(?:(?!\||#).*\n)*)((?:\|.*\n)+)",
             re.MULTILINE | re.IGNORECASE,
         )
-        made = keys_table(keys)
-        page, n = pattern.subn(lambda found, made=made: f"{found[1]}{made}\n", page)
+        table = keys_table(keys)
+        page, n = pattern.subn(lambda match, table=table: f"{match[1]}{table}\n", page)
         assert n == 1, f"no table below {heading}"
     return page
 

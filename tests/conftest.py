@@ -36,9 +36,9 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "meshoptimizer" in getattr(item, "fixturenames", ()):
             item.add_marker("meshoptimizer")
-    rooms = Path(__file__).parent
+    tests = Path(__file__).parent
     order = dict(zip(_FIRST, range(len(_FIRST)), strict=True))
-    items.sort(key=lambda item: order.get(item.path.relative_to(rooms).parts[0], len(order)))
+    items.sort(key=lambda item: order.get(item.path.relative_to(tests).parts[0], len(order)))
 
 
 def pytest_collection_finish():

@@ -12,13 +12,13 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-# A room imports from itself and from those before it; the first is texbake/ itself, without its
-# __init__.py, which points into every room.
-ROOMS = (
+# A package imports from itself and from those before it; the first is texbake/ itself, without its
+# __init__.py, which points into every package.
+PACKAGES = (
     "", "core", "mesh", "mapping", "texture", "raycast", "sampling", "baking", "rendering",
     "checks", "pages", "jobs", "verbs", "building", "study",
 )  # fmt: skip
-# ... and these know nothing of each other.
+# ... and these do not import each other.
 STRANGERS = {("baking", "rendering"), ("rendering", "baking")}
 MAX_MODULE_LINES = 400
 MAX_BODY_LINES = 60
@@ -78,7 +78,7 @@ def imports_of(module, *, when_run=False):
                 yield full if full in modules() else base
 
 
-def room_of(module):
+def package_of(module):
     parts = module.split(".")
     is_package = modules()[module].name == "__init__.py"
     return parts[1] if is_package or len(parts) > 2 else ""
@@ -89,7 +89,7 @@ def in_texbake(module):
 
 
 def test_the_reader_of_imports_sees_them_all():
-    # What the other tests stand on: an import at the top, in a function, and a relative one.
+    # The other tests rely on it: an import at the top, in a function, and a relative one.
     assert "texbake.errors" in imports_of("texbake.files")
     assert "resource" in imports_of("texbake.progress")
     assert "texbake_cli.messages" in imports_of("texbake_cli.main")
@@ -97,22 +97,22 @@ def test_the_reader_of_imports_sees_them_all():
     assert "numpy" not in set(imports_of("texbake.rendering.scene.lights", when_run=True))
 
 
-def test_every_module_stands_in_a_known_room():
-    found = {room_of(module) for module in modules() if module.startswith("texbake.")}
-    assert found <= set(ROOMS)
+def test_every_module_is_in_a_known_package():
+    packages = {package_of(module) for module in modules() if module.startswith("texbake.")}
+    assert packages <= set(PACKAGES)
 
 
-def test_a_room_imports_only_from_rooms_above_it():
+def test_a_package_imports_only_from_packages_above_it():
     wrong = []
     for module in filter(in_texbake, modules()):
         if module == "texbake":
             continue
-        here = room_of(module)
+        here = package_of(module)
         for imported in filter(in_texbake, imports_of(module)):
             if imported == "texbake":  # its version
                 continue
-            there = room_of(imported)
-            below = ROOMS.index(there) > ROOMS.index(here)
+            there = package_of(imported)
+            below = PACKAGES.index(there) > PACKAGES.index(here)
             if below or (here, there) in STRANGERS:
                 wrong.append(f"{module} imports {imported}")
     assert not wrong

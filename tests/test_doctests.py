@@ -25,7 +25,7 @@ def test_examples_of_docstrings(name):
     assert failed == 0
 
 
-def test_most_rooms_have_examples():
+def test_most_packages_have_examples():
     assert {name.split(".")[1] for name in modules_with_examples() if "." in name} >= {
         "baking", "mapping", "mesh", "texture",
     }  # fmt: skip

@@ -41,10 +41,10 @@ def test_names_resolve():
     assert [name for name in texbake.__all__ if getattr(texbake, name) is None] == []
 
 
-def test_no_public_name_is_the_name_of_a_room():
+def test_no_public_name_is_the_name_of_a_package():
     # The import system would put the subpackage in the function's place.
-    rooms = {path.parent.name for path in Path(texbake.__file__).parent.glob("*/__init__.py")}
-    assert not rooms & set(texbake.__all__)
+    packages = {path.parent.name for path in Path(texbake.__file__).parent.glob("*/__init__.py")}
+    assert not packages & set(texbake.__all__)
 
 
 def test_dir_lists_the_public_names():

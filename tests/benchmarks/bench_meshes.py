@@ -179,14 +179,14 @@ def cells_of(entry: dict) -> list[str]:
         return [*head, entry["says"]]
 
     def cell(key: str) -> str:
-        found = entry["compare"].get(key)
-        if found is None:
+        figures = entry["compare"].get(key)
+        if figures is None:
             return "-"
         # Reports leave PSNR out where both pictures are the same.
-        decibels = "equal" if found["psnr_db"] is None else f"{found['psnr_db']:.1f} dB"
-        mismatches = (found["outline_mismatch"], found["depth_mismatch"])
+        decibels = "equal" if figures["psnr_db"] is None else f"{figures['psnr_db']:.1f} dB"
+        mismatches = (figures["outline_mismatch"], figures["depth_mismatch"])
         shares = " + ".join(f"{100 * share:.1f} %" for share in mismatches)
-        return f"{decibels}, {found['mean_deg']:.1f}°, {shares}"
+        return f"{decibels}, {figures['mean_deg']:.1f}°, {shares}"
 
     figures = [cell(key) for key in ("bare", "mapped", "displaced")]
     warnings = entry["says"].count("warning")

@@ -180,7 +180,7 @@ def test_no_other_machine_is_asked_for_a_file(named, is_read, is_read_if_allowed
         assert is_followed("https://here/in/a.gltf", named) == is_read_if_allowed
 
 
-def test_names_without_measure_take_no_more_than_the_file(tmp_path):
+def test_names_without_limit_take_no_more_than_the_file(tmp_path):
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd " + "a " * 100_000)
     assert len(sidecars(tmp_path / "a.mtl")) == 1
     (tmp_path / "a.obj").write_text("mtllib " + " ".join(map(str, range(10_000))))

@@ -17,12 +17,12 @@ from texbake.verbs.step import Job, without_timings
 def do(tmp_path):
     """Do a step; returns its files and figures."""
 
-    def do(name, given, threads=1, **inputs):
+    def do(name, options, threads=1, **inputs):
         kind = STEP_KINDS[name]
         roles = {
             role: file if isinstance(file, tuple) else (file,) for role, file in inputs.items()
         }
-        settings = kind.settings({**given, **dict.fromkeys(roles, "x")})
+        settings = kind.settings({**options, **dict.fromkeys(roles, "x")})
         folder = tmp_path / f"{name}{len(list(tmp_path.iterdir()))}"
         folder.mkdir()
         outputs = {key: folder / file for key, file in kind.outputs(settings).items()}

@@ -26,17 +26,17 @@ def meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "error", "said"),
+    ("line", "error", "words"),
     [
         (f"{NORMALS} -o n.png", "0.5deg", "error of normal"),
         ("bake-displacement high.obj low.obj --size 64 -o h.exr", "0.1%", "model units"),
         (f"{PICTURE} -o cube.png", "2/255", "error of color"),
     ],
 )
-def test_a_maximum_error_is_given_and_reported(
-    invoke: Invoke, line: str, error: str, said: str
+def test_a_maximum_error_is_met_and_reported(
+    invoke: Invoke, line: str, error: str, words: str
 ) -> None:
-    assert said in invoke(f"{line} --max-error {error} --report r.json").output
+    assert words in invoke(f"{line} --max-error {error} --report r.json").output
     report = json.loads(Path("r.json").read_text())
     assert report["sampling"]["max_error"] == error
     assert sum(report["sampling"]["sample_percents"].values()) == pytest.approx(100)
@@ -47,14 +47,14 @@ def test_a_maximum_error_is_given_and_reported(
 
 
 @pytest.mark.parametrize(("line", "bound"), [(NORMALS, "0.004deg"), (PICTURE, "0.0625/255")])
-def test_a_time_budget_is_given_and_its_bound_gives_the_same_file(
+def test_the_bound_of_a_time_budget_gives_the_same_file(
     invoke: Invoke, monkeypatch: pytest.MonkeyPatch, line: str, bound: str
 ) -> None:
     # The time counts from the start of the process, which has run many tests.
     monkeypatch.setattr(BudgetClock, "of_process", lambda warn: BudgetClock())
     page = "--html page.html" if line == NORMALS else "--explain"
-    done = invoke(f"{line} -o a.png --time-budget 5min --report r.json {page}")
-    assert f"the closest bound that is wanted; --max-error {bound}" in done.output
+    result = invoke(f"{line} -o a.png --time-budget 5min --report r.json {page}")
+    assert f"the closest bound that is wanted; --max-error {bound}" in result.output
     budget = json.loads(Path("r.json").read_text())["budget"]
     assert budget["max_error"] == bound and budget["actual_seconds"] < 300
     if line == NORMALS:
@@ -68,13 +68,13 @@ def test_turntables_accept_a_bound(invoke: Invoke) -> None:
     assert sorted(path.name for path in Path("turn").iterdir()) == ["000.png", "001.png"]
 
 
-def test_too_short_a_time_is_said_in_one_line_and_still_gives_maps() -> None:
+def test_too_short_a_time_is_a_warning_and_still_gives_maps() -> None:
     """In a process of its own, whose start takes longer than the budget."""
     line = f"{NORMALS} -o n.png --time-budget 0.01"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-P", "-c", "from texbake_cli import run; run()", *line.split()],
         capture_output=True, text=True, check=True,
     )  # fmt: skip
-    (said,) = [text for text in done.stderr.splitlines() if "too short" in text]
-    assert "--time-budget: 0.01 s is too short: the bake takes about" in said
+    (warning,) = [text for text in process.stderr.splitlines() if "too short" in text]
+    assert "--time-budget: 0.01 s is too short: the bake takes about" in warning
     assert Path("n.png").exists()

@@ -78,7 +78,7 @@ def test_an_input_is_not_taken_for_the_output(tmp_path: Path) -> None:
         parsed("unwrap a.obj")
 
 
-def test_a_preview_takes_what_is_given_and_shows_the_defaults_of_the_api() -> None:
+def test_a_preview_overrides_only_set_options_and_shows_all_defaults() -> None:
     names = ("size", "view", "up", "supersampling", "edges")
     assert {parsed("preview a -o b.png")[name] for name in names} == {None}
     assert parsed("preview a -o b.png --up z --size 8")["up"] == "z"

@@ -156,7 +156,7 @@ def test_an_output_that_cannot_be_written_is_one_line(name: str, run: Run) -> No
 
 
 def wrong_values(item: OptionField) -> Iterator[str]:
-    """Values of an option that are outside of its range, or none of its choices."""
+    """Values of an option outside its range or its choices."""
     option = item.option
     if option.choices and not any(kind in (str, float, int) for kind in item.kinds[1:]):
         yield "nonsense"
@@ -164,7 +164,7 @@ def wrong_values(item: OptionField) -> Iterator[str]:
     yield from (f"{end + step:g}" for end, step in ends if end is not None)
 
 
-# Options of these are not read: a procedure has no photographs, and photographs no procedure.
+# Option classes that are not read: a procedure has no photographs, and photographs no procedure.
 UNREAD = {"bake-texture": PhotoOptions, "bake-texture photos": SolidOptions}
 
 
@@ -180,7 +180,7 @@ def test_a_value_out_of_its_range_or_choices_is_wrong_usage(name: str, run: Run)
             if param is None or param.is_flag or any(map(get_origin, item.kinds)):
                 continue
             for value in wrong_values(item):
-                done = run([*words, param.opts[0], value])
-                assert (done.exit_code, done.stdout) == (2, ""), (param.opts, value, done.output)
-                (said,) = done.stderr.splitlines()
-                assert param.opts[0] in said
+                result = run([*words, param.opts[0], value])
+                assert (result.exit_code, result.stdout) == (2, ""), (param.opts, value)
+                (line,) = result.stderr.splitlines()
+                assert param.opts[0] in line

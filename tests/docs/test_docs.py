@@ -137,9 +137,9 @@ def kind_of(words: list[str]) -> tuple[str, ...]:
 
 
 def needed_by(later: list[list[str]], words: list[str]) -> bool:
-    """Whether a later line names what a line writes."""
-    written = [words[i + 1] for i, word in enumerate(words[:-1]) if word == "-o"]
-    return any(word.startswith(tuple(written or [words[0]])) for line in later for word in line)
+    """Whether a later line names an output of this line."""
+    outputs = [words[i + 1] for i, word in enumerate(words[:-1]) if word == "-o"]
+    return any(word.startswith(tuple(outputs or [words[0]])) for line in later for word in line)
 
 
 RAN: set[tuple[str, ...]] = set()  # kinds of lines, on any page
@@ -147,7 +147,7 @@ RAN: set[tuple[str, ...]] = set()  # kinds of lines, on any page
 
 @pytest.mark.parametrize("page", WITH_COMMANDS, ids=name_of)
 def test_every_command_runs(page, world, tmp_path, monkeypatch, small_pictures):
-    """But those that differ only in numbers and files from one that has run are only parsed."""
+    """Commands that differ from an earlier one only in numbers and file names are only parsed."""
     monkeypatch.setattr("texbake.building.build.LocalWorkers", lambda *_: Inline())
     folder = tmp_path / "reader"
     shutil.copytree(world, folder, copy_function=os.link)

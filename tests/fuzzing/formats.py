@@ -1,4 +1,4 @@
-"""What is fuzzed: readers with small valid files of their formats, and what calls the core.
+"""Targets of the fuzzer: readers, with small valid files of their formats, and calls of the core.
 
 Kernels trust what was validated, so they are called by the functions of Python that validate. Each
 target is a format like any other: an input is a file of bytes, from which `drawn` makes arguments.

@@ -1,6 +1,6 @@
 """Targets of the fuzzer that take meshes: their surface, repair, unwrapping, rays and bakes.
 
-A target ends in a refusal of one line, or in a result that keeps the laws of any result.
+A target raises an error of one line, or returns a result that obeys the laws of all results.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Changes of valid files: of bits, bytes, lengths, words and numbers; cuts, and moved blocks.
 
-Plain bytes hardly get past the checksum of a PNG chunk or the lengths of a GLB file, so that some
-changes keep a file's container whole: lengths, checksums and packed streams fit again.
+Changed bytes rarely get past the checksum of a PNG chunk or the lengths of a GLB file. So some
+changes keep the container of a file intact: lengths, checksums and compressed streams fit again.
 """
 
 from __future__ import annotations

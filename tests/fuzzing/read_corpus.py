@@ -1,11 +1,11 @@
-"""Read every input of the corpus by the reader of its format, or by its target; and mutants.
+"""Read every input of the corpus, and mutants, by the reader of the format or by its target.
 
     python tests/fuzzing/read_corpus.py [FORMAT ...] [--input FILE] [--bytes N] [--seed N]
         [--skip FORMAT]
 
 An input must be read, or refused with a TexbakeError of one line, within `SECONDS` of processor
-time and `MEMORY`. `--bytes` reads so many bytes of mutants of each format as well. Prints what is
-wrong with an input, and exits with 1 if anything is; inputs at fault are kept in `fuzz-findings`.
+time and `MEMORY`. `--bytes` also reads that many bytes of mutants of each format. Prints what is
+wrong with each input, and exits with 1 if anything is. `fuzz-findings` keeps the wrong inputs.
 If all formats are read, every function of the core must have been called in the end.
 """
 
@@ -52,7 +52,7 @@ def folder_of(name: str) -> Path:
 def fault_of(read: Reader, path: Path) -> str | None:
     """Read one file; return what went wrong or that it took too long, or None.
 
-    A file that would take for ever ends the process.
+    A file that the reader never finishes ends the process.
     """
     limit = SECONDS * (SLOWDOWN if "asan" in os.environ.get("LD_PRELOAD", "") else 1)
     start = time.process_time()
@@ -72,29 +72,29 @@ def fault_of(read: Reader, path: Path) -> str | None:
         return f"{type(error).__name__}: {str(error)[:200]} at {where}"
     finally:
         faulthandler.cancel_dump_traceback_later()
-    taken = time.process_time() - start
-    return f"it took more than {limit} s of processor time" if taken > limit else None
+    elapsed = time.process_time() - start
+    return f"it took more than {limit} s of processor time" if elapsed > limit else None
 
 
 @contextmanager
-def bounded_memory(more: int = MEMORY) -> Iterator[None]:
-    """Bound the address space by what is there now, and so many bytes more."""
+def bounded_memory(n_bytes: int = MEMORY) -> Iterator[None]:
+    """Limit the address space to its present size and `n_bytes` more."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + more, hard))
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + n_bytes, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def mutants_of(name: str, known: list[bytes], n_bytes: int, seed: int) -> Iterator[bytes]:
-    """Change the inputs of a format, until there are so many bytes."""
+def mutants_of(name: str, inputs: list[bytes], n_bytes: int, seed: int) -> Iterator[bytes]:
+    """Change the inputs of a format, until there are `n_bytes`."""
     for number in count():
         if n_bytes <= 0:
             return
         rng = np.random.default_rng([seed, number, *name.encode()])
-        data = changed(known[number % len(known)], partial(mutant, rng=rng), rng)
+        data = changed(inputs[number % len(inputs)], partial(mutant, rng=rng), rng)
         n_bytes -= len(data)
         yield data
 
@@ -102,25 +102,25 @@ def mutants_of(name: str, known: list[bytes], n_bytes: int, seed: int) -> Iterat
 def wrong_with_inputs(
     name: str, inputs: list[Path] | None = None, *, n_bytes: int = 0, seed: int = 0
 ) -> Iterator[str]:
-    """Read the inputs of a format and mutants; say of each at fault what is wrong with it."""
+    """Read the inputs of a format and mutants; yield what is wrong with each wrong one."""
     suffix, make, read = READ[name]
     with tempfile.TemporaryDirectory() as folder:
         seed_file = Path(folder) / f"seed{suffix}"
         make(seed_file)  # and the files that it names
         with nullcontext() if name in FORMATS else suppress(TexbakeError):
             read(seed_file)  # loads all that is needed, and shows that the seed is valid
-        known = [path.read_bytes() for path in inputs or sorted(folder_of(name).glob("*"))]
+        contents = [path.read_bytes() for path in inputs or sorted(folder_of(name).glob("*"))]
         candidate = Path(folder) / f"mutant{suffix}"
-        mutated = mutants_of(name, [seed_file.read_bytes(), *known], n_bytes, seed)
+        mutated = mutants_of(name, [seed_file.read_bytes(), *contents], n_bytes, seed)
         with bounded_memory():
-            for number, data in enumerate(chain(known, mutated)):
+            for number, data in enumerate(chain(contents, mutated)):
                 candidate.write_bytes(data)
                 fault = fault_of(read, candidate)
                 if fault is not None:
                     FINDINGS.mkdir(exist_ok=True)
-                    kept = FINDINGS / f"{name.replace(' ', '_')}-{number}{suffix}"
-                    shutil.copy(candidate, kept)
-                    yield f"{name}: {kept.name}: {fault}"
+                    copy = FINDINGS / f"{name.replace(' ', '_')}-{number}{suffix}"
+                    shutil.copy(candidate, copy)
+                    yield f"{name}: {copy.name}: {fault}"
 
 
 def main() -> int:

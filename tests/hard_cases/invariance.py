@@ -81,7 +81,7 @@ CHANGES: tuple[Change, ...] = (
 
 
 @dataclass(kw_only=True, eq=False)
-class Changed:
+class MeshPair:
     """A mesh before and after a change: ``after = scale * linear @ before + offset``.
 
     `faces`, `vertices` and `corners` say where each face, each vertex, and the first corner of each
@@ -117,7 +117,7 @@ def size_of(mesh: Mesh) -> float:
     return float((high - low).max()) or 1.0
 
 
-def changed(change: Change, mesh: Mesh) -> Changed:
+def changed(change: Change, mesh: Mesh) -> MeshPair:
     """Change a mesh."""
     if change.kind == SCALE:
         return _scaled(change, mesh)
@@ -125,33 +125,31 @@ def changed(change: Change, mesh: Mesh) -> Changed:
         return _placed(change, mesh)
     if change.kind == TURN:
         return _turned(change, mesh)
-    found = Changed(change=change, before=mesh, after=mesh)
+    pair = MeshPair(change=change, before=mesh, after=mesh)
     random = np.random.default_rng(6)
     if change.kind == VERTICES:
-        found.vertices = random.permutation(mesh.n_vertices)
-        places = np.argsort(found.vertices).astype(np.int32)
-        found.after = mesh.replace(
-            positions=mesh.positions[found.vertices], faces=places[mesh.faces]
-        )
+        pair.vertices = random.permutation(mesh.n_vertices)
+        places = np.argsort(pair.vertices).astype(np.int32)
+        pair.after = mesh.replace(positions=mesh.positions[pair.vertices], faces=places[mesh.faces])
     elif change.kind == FACES:
-        found.faces = random.permutation(mesh.n_faces)
+        pair.faces = random.permutation(mesh.n_faces)
         names = ("faces", "uv_faces", "normal_faces", "tangents", "face_groups")
-        found.after = _with(mesh, names, lambda values: values[found.faces])
+        pair.after = _with(mesh, names, lambda values: values[pair.faces])
     else:
-        found.corners = random.integers(0, 3, mesh.n_faces)
-        columns = (found.corners[:, None] + np.arange(3)) % 3
+        pair.corners = random.integers(0, 3, mesh.n_faces)
+        columns = (pair.corners[:, None] + np.arange(3)) % 3
         names = ("faces", "uv_faces", "normal_faces")
-        found.after = _with(mesh, names, lambda values: np.take_along_axis(values, columns, axis=1))
-    return found
+        pair.after = _with(mesh, names, lambda values: np.take_along_axis(values, columns, axis=1))
+    return pair
 
 
 def _with(mesh: Mesh, names: tuple[str, ...], function: Callable[[Array], Array]) -> Mesh:
-    """The mesh with those of its arrays that are there changed by a function."""
+    """The mesh with all of its arrays changed by a function."""
     fields = {name: getattr(mesh, name) for name in names}
     return mesh.replace(**{name: function(a) for name, a in fields.items() if a is not None})
 
 
-def _scaled(change: Change, mesh: Mesh) -> Changed:
+def _scaled(change: Change, mesh: Mesh) -> MeshPair:
     scale = change.scale
     with np.errstate(over="ignore", under="ignore"):
         positions = mesh.positions * scale
@@ -159,10 +157,12 @@ def _scaled(change: Change, mesh: Mesh) -> Changed:
         if not (np.isfinite(positions).all() and np.array_equal(positions / scale, mesh.positions)):
             scale = 1.0 / scale
             positions = mesh.positions * scale
-    return Changed(change=change, before=mesh, after=mesh.replace(positions=positions), scale=scale)
+    return MeshPair(
+        change=change, before=mesh, after=mesh.replace(positions=positions), scale=scale
+    )
 
 
-def _placed(change: Change, mesh: Mesh) -> Changed:
+def _placed(change: Change, mesh: Mesh) -> MeshPair:
     scale = unit_scale(size_of(mesh))
     used = np.zeros(mesh.n_vertices, bool)
     used[mesh.faces] = True
@@ -177,14 +177,14 @@ def _placed(change: Change, mesh: Mesh) -> Changed:
     before, after = (mesh.replace(positions=p) for p in (positions, positions + offset))
     exact = np.array_equal(after.positions[used] - offset, positions[used])
     assert exact, f"{mesh.name}: the shift is not exact"
-    return Changed(change=change, before=before, after=after, offset=offset)
+    return MeshPair(change=change, before=before, after=after, offset=offset)
 
 
-def _turned(change: Change, mesh: Mesh) -> Changed:
+def _turned(change: Change, mesh: Mesh) -> MeshPair:
     linear = np.array(change.linear, float)
     with np.errstate(over="ignore"):
         after = _with(mesh, ("positions", "normals"), lambda vectors: vectors @ linear.T)
-    return Changed(change=change, before=mesh, after=after)
+    return MeshPair(change=change, before=mesh, after=after)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,20 +206,20 @@ class Side:
         return tuple((np.array(self.middle) + np.array(self.direction(way)) * self.size).tolist())
 
 
-def sides(found: Changed) -> tuple[Side, Side]:
-    """Both sides of a change."""
-    before, after = found.before, found.after
+def sides(pair: MeshPair) -> tuple[Side, Side]:
+    """Both sides of a pair."""
+    before, after = pair.before, pair.after
     low, high = before.bounds
     center = low / 2.0 + high / 2.0
     # By powers of two, so that a mesh on a grid stays on one.
     grown = (before.positions - center) * [1.0 + 2.0**-6, 1.0 + 2.0**-5, 1.0 - 2.0**-6] + center
     above = Mesh(positions=grown, faces=before.faces, name="high")
-    moved = Mesh(positions=found.points(grown)[found.vertices], faces=after.faces, name="high")
-    size, middle = size_of(before), found.points(center)
+    moved = Mesh(positions=pair.points(grown)[pair.vertices], faces=after.faces, name="high")
+    size, middle = size_of(before), pair.points(center)
     return (
         Side(mesh=before, high=above, linear=np.eye(3), middle=tuple(center.tolist()), size=size),
-        Side(mesh=after, high=moved, linear=found.linear, middle=tuple(middle.tolist()),
-             size=size * found.scale),
+        Side(mesh=after, high=moved, linear=pair.linear, middle=tuple(middle.tolist()),
+             size=size * pair.scale),
     )  # fmt: skip
 
 
@@ -256,14 +256,14 @@ Command = Callable[[Side], Result]
 def number(
     value: float, both: float | None = None, unit: str = NUMBER, **bounds: float | None
 ) -> Quantity:
-    """One number, with one bound for turns and orders but where they have their own."""
+    """One number, with one bound for turns and orders unless they have their own."""
     return Quantity(
         values=np.array(float(value)), unit=unit, **{"turn": both, "order": both, **bounds}
     )
 
 
 def fixed(**values: object) -> dict[str, Quantity]:
-    """What nothing changes."""
+    """Quantities that no change of the mesh changes."""
     return {
         name: Quantity(values=np.asarray(value), turn=0.0, order=0.0)
         for name, value in values.items()
@@ -271,7 +271,7 @@ def fixed(**values: object) -> dict[str, Quantity]:
 
 
 def outcome(command: Command, side: Side) -> Result | str:
-    """What a command gives, or the error by which it refuses, without the numbers in it."""
+    """Result of a command, or its error, without the numbers in it."""
     try:
         return command(side)
     except TexbakeError as error:
@@ -279,15 +279,15 @@ def outcome(command: Command, side: Side) -> Result | str:
         return f"{type(error).__name__}: {re.sub(r'[-+]?[0-9][-+0-9.,e]*', '#', str(error))}"
 
 
-def faults(before: Result | str, after: Result | str, found: Changed) -> list[str]:
-    """In what two outcomes differ by more than they may."""
+def faults(before: Result | str, after: Result | str, pair: MeshPair) -> list[str]:
+    """Differences between two outcomes that exceed their bounds."""
     if isinstance(before, str) or isinstance(after, str):
         refused = [x if isinstance(x, str) else "a result" for x in (before, after)]
         return [] if before == after else [f"refused by one: {' | '.join(refused)}"]
     assert before.keys() == after.keys()
-    kind = found.change.kind
+    kind = pair.change.kind
     differences = {
-        name: _difference(one, after[name].values, found)
+        name: _difference(one, after[name].values, pair)
         for name, one in before.items()
         if one.bound(kind) is not None
     }
@@ -298,9 +298,9 @@ def faults(before: Result | str, after: Result | str, found: Changed) -> list[st
     ]
 
 
-def _difference(quantity: Quantity, after: Array, found: Changed) -> float:
+def _difference(quantity: Quantity, after: Array, pair: MeshPair) -> float:
     """By how much values differ after a change, in units of their size; 0 for the same bits."""
-    expected = _expected(quantity, found)
+    expected = _expected(quantity, pair)
     if expected.shape != after.shape:
         return np.inf
     is_float = expected.dtype.kind == "f"
@@ -314,7 +314,7 @@ def _difference(quantity: Quantity, after: Array, found: Changed) -> float:
     if is_float:
         # Lengths at the end of the range have few bits: two of its steps are none.
         step = 2.0 * float(np.finfo(quantity.values.dtype).smallest_subnormal)
-        apart[apart <= step * max(1.0, found.scale)] = 0.0
+        apart[apart <= step * max(1.0, pair.scale)] = 0.0
     if not apart.any():
         return 0.0
     greatest = np.inf if np.isnan(apart).any() else float(apart.max())
@@ -323,29 +323,29 @@ def _difference(quantity: Quantity, after: Array, found: Changed) -> float:
         greatest = float(differs.reshape(*differs.shape[:2], -1).any(axis=2).mean())
     elif quantity.unit in POWERS:
         with np.errstate(all="ignore"):
-            size = np.float64(size_of(found.before) * found.scale)
+            size = np.float64(size_of(pair.before) * pair.scale)
             greatest /= float(size ** POWERS[quantity.unit]) or 1.0
     elif quantity.unit == COUNT:
         greatest /= float(np.abs(a).max(initial=1.0))
-    return max(greatest, np.finfo(float).tiny)  # however little, it is not the same
+    return max(greatest, np.finfo(float).tiny)  # a difference of any size is not 0
 
 
-def _expected(quantity: Quantity, found: Changed) -> Array:
+def _expected(quantity: Quantity, pair: MeshPair) -> Array:
     """Values before a change as they are after it."""
     values = quantity.values
     if quantity.unit == POINT:
-        values = found.points(values)
+        values = pair.points(values)
     elif quantity.unit == DIRECTION:
-        values = np.asarray(values @ found.linear.T).astype(values.dtype)
+        values = np.asarray(values @ pair.linear.T).astype(values.dtype)
     elif quantity.unit in POWERS:
         with np.errstate(over="ignore", under="ignore"):
-            values = values * np.asarray(found.scale, values.dtype) ** POWERS[quantity.unit]
+            values = values * np.asarray(pair.scale, values.dtype) ** POWERS[quantity.unit]
     if quantity.per == VERTEX:
-        values = values[found.vertices]
+        values = values[pair.vertices]
     elif quantity.per in (FACE, CORNER):
-        values = values[found.faces]
+        values = values[pair.faces]
     if quantity.per == CORNER:
-        columns = (found.corners[:, None] + np.arange(3)) % 3
-        more = [1] * (values.ndim - 2)
-        values = np.take_along_axis(values, columns.reshape(-1, 3, *more), axis=1)
+        columns = (pair.corners[:, None] + np.arange(3)) % 3
+        ones = [1] * (values.ndim - 2)
+        values = np.take_along_axis(values, columns.reshape(-1, 3, *ones), axis=1)
     return values

@@ -1,7 +1,7 @@
-"""What every command gives, as quantities with their bounds (see `invariance`).
+"""The result of every command, as quantities with their bounds (see `invariance`).
 
-Where a result is made by choices (which edge collapses next, where a chart is cut), ties fall
-otherwise after a turn and in another order, and what is bounded is how good the result is.
+Where a command chooses (the next edge to collapse, the cut of a chart), a turn or another order
+breaks ties differently, and the bounds are on the quality of the result.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ HEAD = "\n## The catalog\n"
 
 
 def document() -> str:
-    """Return the page, with the lists as they are now."""
+    """Return the page with the current lists."""
     lines = [PAGE.read_text(encoding="utf-8").partition(HEAD)[0] + HEAD]
     for title, cases in CATALOG.items():
         lines += [

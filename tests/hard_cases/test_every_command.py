@@ -149,15 +149,15 @@ def test_a_change_of_the_mesh_changes_its_result_within_bounds(command):
     for case, change in itertools.chain(chosen(command), once_failed(command)):
         if not is_decided(command, change, case.name):
             continue
-        found = changed(change, in_cells(case) if command in TEXTURED else case.make())
-        one, two = sides(found)
+        pair = changed(change, in_cells(case) if command in TEXTURED else case.make())
+        one, two = sides(pair)
         key = case.name, change.kind == PLACE
         if key not in known:
             known[key] = outcome(COMMANDS[command], one)
         after = outcome(COMMANDS[command], two)
         wrong += [
             f"{case.name}, {change.kind} {change.name}: {fault}"
-            for fault in faults(known[key], after, found)
+            for fault in faults(known[key], after, pair)
         ]
     assert wrong == []
 
@@ -167,8 +167,8 @@ def test_a_result_that_is_not_changed_along_is_found(case_named):
     change = {change.kind: change for change in CHANGES}
 
     def differ(kind, of, **bounds):
-        found = changed(change[kind], case_named("torus").make())
-        return faults(*({"it": Quantity(values=of(s.mesh), **bounds)} for s in sides(found)), found)
+        pair = changed(change[kind], case_named("torus").make())
+        return faults(*({"it": Quantity(values=of(s.mesh), **bounds)} for s in sides(pair)), pair)
 
     def rounded(mesh):
         return np.round(mesh.positions, 3)

@@ -301,7 +301,7 @@ def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result: RunResult)
         ({}, (4, None, None)),
     ],
 )
-def test_samples_are_four_where_no_error_and_no_time_is_given(choices, expected) -> None:  # type: ignore[no-untyped-def]
+def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected) -> None:  # type: ignore[no-untyped-def]
     bake = RunOptions(**choices).bake_options()
     assert (bake.samples, bake.max_error, bake.time_budget) == expected
     assert bake.is_adaptive == (expected[0] == "adaptive" or expected[1] is not None)

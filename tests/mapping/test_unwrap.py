@@ -222,7 +222,7 @@ def arrays():
     return torus.positions.astype(np.float32), torus.faces.astype(np.uint32)
 
 
-def test_parametrize_indexes_the_given_vertices(arrays):
+def test_parametrize_indexes_the_input_vertices(arrays):
     positions, faces = arrays
     mapping, indices, uvs = texbake.parametrize(positions, faces)
     assert (mapping.dtype, indices.dtype, uvs.dtype) == (np.uint32, np.uint32, np.float32)

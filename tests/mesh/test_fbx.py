@@ -131,7 +131,7 @@ def test_holes_and_bad_polygons_are_left_out(read):
     np.testing.assert_array_equal(read(scene(layers=[holes])).faces, FACES[[0, 1, 4]])
 
 
-def test_axes_that_are_no_axes_and_a_unit_below_zero_count_as_not_given(read):
+def test_invalid_axes_and_a_unit_below_zero_are_ignored(read):
     settings = {"UpAxis": [0], "UnitScaleFactor": [-1.0]}
     mesh = read(scene(settings=settings, geometry=shape(points=POINTS + 1.0)))
     np.testing.assert_allclose(mesh.positions, CM * (POINTS + 1.0), atol=TINY)

@@ -92,7 +92,7 @@ class TestInvariance:
         rotated = mesh.replace(faces=np.roll(mesh.faces, 1, axis=1))
         assert np.abs(of(rotated) - of(mesh)).max() < ROUNDING
 
-    def test_reversed_winding_turns_normals_over(self, of):
+    def test_reversed_winding_flips_normals(self, of):
         mesh = grid_mesh(9)
         reversed_ = mesh.replace(faces=mesh.faces[:, ::-1])
         assert np.abs(of(reversed_) + of(mesh)).max() < ROUNDING

@@ -232,7 +232,7 @@ def test_texture_coordinates_and_their_seam_are_kept(quality):
     assert (np.linalg.det(np.stack([b - a, c - a], axis=1)) > 0.0).mean() > 0.98
 
 
-def test_moved_vertices_come_closer_with_seams_and_turn_no_face_over_in_texture_space():
+def test_moved_vertices_come_closer_with_seams_and_flip_no_face_in_texture_space():
     mesh = uv_sphere(40, 80)
     for n_faces in (600, 120):
         fast = simplify_with_report(mesh, n_faces)[1]

@@ -36,7 +36,7 @@ from texbake.study.write import write_study
 
 @pytest.fixture(scope="module")
 def quick_study():
-    """A study of every knob, which takes a minute: tests that look at one stand in this module."""
+    """A study of every knob, which takes a minute: tests that use it are in this module."""
     return run_study(options=StudyOptions(quick=True, repeats=1))
 
 

@@ -290,11 +290,11 @@ def test_all_maps_come_as_layers_where_asked_for(export, maps):
     for layer in set(layers):
         name = "albedo" if layer == "base-color" else layer
         (file,) = maps.glob(f"rock_{name}.*")
-        given = read_image(file, color=layer == "base-color").pixels
-        places = [names.index(f"{layer}.{c}") for c in ("Y" if given.shape[2] == 1 else "RGB")]
+        expected = read_image(file, color=layer == "base-color").pixels
+        places = [names.index(f"{layer}.{c}") for c in ("Y" if expected.shape[2] == 1 else "RGB")]
         # A half has 11 bits, one of 8-bit codes more than enough.
         most = 5e-4 if kinds[places[0]] == "half" else 0.0
-        assert np.abs(pixels[..., places] - given).max() <= most
+        assert np.abs(pixels[..., places] - expected).max() <= most
 
 
 def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
