@@ -106,8 +106,8 @@ static inline double area_of(const double *const uvs[3])
         - (uvs[2][0] - uvs[0][0]) * (uvs[1][1] - uvs[0][1]);
 }
 
-/* Whether no face of some corners flips in texture space. The faces of the edge are not asked:
-   they go. */
+/* Whether no face of some corners flips in texture space. The faces of the edge do not count:
+   the collapse removes them. */
 static bool charts_stay(
     const struct collapsible_mesh *mesh, const struct attribute *uvs, int64_t n,
     const int32_t *corners, int32_t other, bool is_u, int n_changes,

@@ -1,5 +1,5 @@
-/* Displacement: measuring the edges of a subdivided surface, cutting triangles in pieces at the middles
-   of marked edges, so that no crack opens, and moving its vertices.
+/* Displacement: measuring the edges of a subdivided surface, cutting triangles at the middles of
+   marked edges, so that no crack opens, and moving its vertices.
 
    An edge is cut for both of its triangles, and a triangle with a cut edge has its longest edge cut
    as well, so that pieces do not become thin.
@@ -254,7 +254,7 @@ EXPORT void halve_edges(
     }
 }
 
-/* Triangles before the cut, their edges, and what is made of them. */
+/* Triangles before the cut, their edges, and the pieces. */
 struct cutting {
     const int32_t (*faces)[3], (*face_edges)[3], *base_faces;
     const float (*weights)[3][2];

@@ -30,7 +30,7 @@ static bool folds(
            || dot(old, new) < LEAST_COSINE * old_area * new_area;
 }
 
-/* Tell which of the faces start to stop - 1 fold when vertices move from `before` to `after`. */
+/* Find which of the faces start to stop - 1 fold when vertices move from `before` to `after`. */
 EXPORT void find_folded(
     int64_t n_vertices, int64_t n_faces, const double before[n_vertices][3],
     const double after[n_vertices][3], const int32_t faces[n_faces][3], bool folded[n_faces],

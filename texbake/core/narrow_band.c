@@ -4,7 +4,7 @@
    A ball around a point that is as large as its distance from the surface holds no surface, so that
    all points in it lie on its side. Points that are seen only so from outside, and have solid behind
    the surface, are outside. Where both sides of a surface are outside, it is a sheet, and all points
-   near it are taken into the solid, which gives it a thickness.
+   near it become part of the solid, which gives it a thickness.
 
    Based on: Sean Mauch, "Efficient Algorithms for Solving Static Hamilton-Jacobi Equations", 2003
    (each triangle visits the points near it). Departs from it in that the bounding box of the
@@ -192,7 +192,7 @@ static uint8_t sides_that_see(const struct shell *shell, int64_t x, int64_t y, i
     return seen;
 }
 
-/* Tell for the points of blocks start to stop - 1 from which sides they are seen. */
+/* Find from which sides the points of blocks start to stop - 1 are seen. */
 EXPORT void see_shell(
     int64_t n_slots, int64_t nx, int64_t ny, int64_t nz, int64_t width, int64_t height,
     int64_t depth, const int32_t slots[nx][ny][nz], const int32_t corners[n_slots][3],

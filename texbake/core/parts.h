@@ -6,7 +6,7 @@
 
 struct arena;
 
-/* Labels of faces that await a label, and of those that take none. */
+/* Labels of faces that await a label, and of those that get none. */
 #define OPEN_FACE ((int32_t)-1)
 #define CLOSED_FACE ((int32_t)-2)
 

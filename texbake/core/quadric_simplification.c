@@ -31,10 +31,11 @@
 static const double BOUNDARY_WEIGHT = 10.0, SEAM_WEIGHT = 10.0;
 static const double PLACE_WEIGHT = 1e-6;
 
-/* Multiples of the number of faces wanted at which the errors start again, and the share of those so
-   far that is kept. A vertex's sum of errors counts every face before more than once; measured, five
-   new beginnings bring the result closer to the surface by a fifth. Without any memory the rim of a
-   thin plate would recede at each of them: the surface as it then is does not know of that. */
+/* Multiples of the target number of faces at which the errors start again, and the share of the
+   earlier errors that is kept. A vertex's sum of errors counts each earlier face more than once;
+   measured, five restarts bring the result closer to the surface by a fifth. If nothing were kept,
+   the rim of a thin plate would recede at each restart, because errors are relative to the present
+   rim. */
 static const double RESTARTS[] = {4.0, 3.0, 2.0, 1.5, 1.2, 1.0};
 static const double REMEMBERED = 0.3;
 

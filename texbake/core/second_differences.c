@@ -34,7 +34,7 @@ struct metric {
     const double *scales;
 };
 
-/* What lies along an axis: wholly covered texels of the same chart. */
+/* Neighbors along an axis: wholly covered texels of the same chart. */
 enum {
     NOTHING = -1,
     NEXT = 0,     /* a beside it */
@@ -346,7 +346,7 @@ static bool is_inside(const struct texel_samples *samples, int64_t texel, int64_
         && is_surrounded(samples, texel);
 }
 
-/* Do what is done at borders, faster, for a texel that `is_inside`. Differences are of single
+/* As `judge_cells_at_border`, but faster, for a texel that `is_inside`. Differences are of single
    precision. Returns how far the four together deviate from an even change, in bounds. */
 static double judge_cells_inside(
     const struct texel_samples *samples, const struct metric *metric, int64_t texel,
@@ -572,8 +572,8 @@ static int64_t find_along(
         cells, cell->level, cell->row + axis * steps, cell->column + (1 - axis) * steps);
 }
 
-/* Judge a cell without a value along an axis; return the greater of that and its error. Whatever of
-   the cell is covered is taken to be like its neighbors. */
+/* Judge a cell without a value along an axis; return the greater of that and its error. The
+   covered part of the cell is assumed to be like its neighbors. */
 static float judge_empty(
     const struct cells *cells, const struct cell *cell, int axis, const int64_t sides[2],
     float error)
