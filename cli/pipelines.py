@@ -93,7 +93,7 @@ def build(
 
         _print_plan(plan_build(pipeline, options), terminal)
         return
-    with _shown(terminal) as listener:
+    with _show_progress(terminal) as listener:
         result = texbake.build(
             pipeline, options, html=html, command=command_line(), listener=listener
         )
@@ -116,7 +116,7 @@ def _print_plan(steps: list[PlannedStep], terminal: Terminal) -> None:
 
 
 @contextmanager
-def _shown(terminal: Terminal) -> Iterator[BuildListener]:
+def _show_progress(terminal: Terminal) -> Iterator[BuildListener]:
     """Show a build as a live table on a terminal or as JSON lines; yield its listener."""
     if terminal.kind == "json" and not terminal.quiet:
         yield _print_json
@@ -179,7 +179,7 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
         if not terminal.quiet:
             say("watching ...")
 
-    with _shown(terminal) as listener:
+    with _show_progress(terminal) as listener:
         watch_pipeline(pipeline, options, listener=listener, built=built)
 
 

@@ -249,7 +249,7 @@ def _word(value: Any) -> str:
     return value
 
 
-def _some(items: Any) -> Any:
+def _check_not_empty(items: Any) -> Any:
     if not items:
         raise validation_error("it is empty; a pipeline needs at least one asset and one step")
     return items
@@ -298,10 +298,12 @@ PipelineTable: type[Table] = create_model(
         described(dict[str, Any], "Options of all steps that check, such as `allow`."),
         None,
     ),
-    assets=(described(list_of(AssetTable, _some), "The assets to build."), ...),
+    assets=(described(list_of(AssetTable, _check_not_empty), "The assets to build."), ...),
     steps=(
         described(
-            Annotated[dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_some)],
+            Annotated[
+                dict[Word, Annotated[Any, BeforeValidator(_step)]], AfterValidator(_check_not_empty)
+            ],
             "The steps by name.",
         ),
         Field(default=...),

@@ -222,7 +222,7 @@ def _node(pipeline: Pipeline, asset: PipelineAsset, table: StepTable) -> Node:
         inputs=inputs,
         waits_for=tuple(dict.fromkeys(before)),
         outputs=outputs,
-        published=_published(asset, table, outputs),
+        published=_name_outputs(asset, table, outputs),
     )
 
 
@@ -253,7 +253,9 @@ def _source(
     return FileSource(path)
 
 
-def _published(asset: PipelineAsset, table: StepTable, outputs: dict[str, str]) -> dict[str, str]:
+def _name_outputs(
+    asset: PipelineAsset, table: StepTable, outputs: dict[str, str]
+) -> dict[str, str]:
     """Return the name of each output below the folder of outputs."""
     if table.output is None:
         return {}

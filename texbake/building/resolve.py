@@ -91,7 +91,7 @@ class Resolver:
             role: tuple(map(self._input, sources)) for role, sources in node.inputs.items()
         }
         inputs = {
-            role: [_described(item) for item in items] for role, items in state.inputs.items()
+            role: [_describe_input(item) for item in items] for role, items in state.inputs.items()
         }
         state.ingredients = ingredients_of(node.table.kind, node.table.settings, inputs, node.id[0])
         state.key = checksum(state.ingredients)
@@ -175,7 +175,7 @@ class Resolver:
         return size_by_length(item.files[0].name, sum(file.size for file in item.files))
 
 
-def _described(item: TaskInput) -> dict[str, Any]:
+def _describe_input(item: TaskInput) -> dict[str, Any]:
     """Return what the key of a step contains for an input, with its sidecars."""
     described: dict[str, Any] = {"called": item.called, "sha256": item.sha256}
     if item.sidecars:

@@ -68,9 +68,9 @@ class LowPolyMaker:
     def make(self, remesh: str, *, must_reach: bool = True) -> LowPoly:
         """Reduce the mesh to a number of faces; if that is closer to it, from a wrap around it."""
         if remesh == "always":
-            low = self._closest(self._wrapped(None))
+            low = self._choose_closest(self._simplify_wraps(None))
         else:
-            low = self._kept_or_wrapped() if remesh == "auto" else self._kept()
+            low = self._simplify_or_wrap() if remesh == "auto" else self._simplify_high()
         if must_reach and self.error is None and not low.report.is_close_to_count:
             # With `auto`, closed surfaces around a mesh that is not open were tried.
             may_help = remesh == "never" or surface_side(self.high, threads=self.threads) == "both"
@@ -81,27 +81,27 @@ class LowPolyMaker:
             low = replace(low, report=report)
         return low
 
-    def _kept_or_wrapped(self) -> LowPoly:
+    def _simplify_or_wrap(self) -> LowPoly:
         n_faces, has_error = self.n_faces, self.error is not None
         if n_faces is not None and self.high.n_faces <= n_faces:
-            return self._kept()
+            return self._simplify_high()
         reason = reason_to_wrap(self.high, None if has_error else n_faces, threads=self.threads)
         from_high = None
         if reason is None:
-            from_high = self._kept()
+            from_high = self._simplify_high()
             if has_error or from_high.report.is_whole:
                 return from_high
             reason = Reason(f"{n_faces:,} triangles cannot show all of its holes and parts")
         try:
-            candidates = self._wrapped(reason)
+            candidates = self._simplify_wraps(reason)
         except MeshError:
-            return from_high or self._kept()
+            return from_high or self._simplify_high()
         is_certain = reason.is_certain and any(low.report.is_whole for low in candidates)
         if not (has_error or is_certain):
-            candidates.append(from_high or self._kept())
-        return self._closest(candidates)
+            candidates.append(from_high or self._simplify_high())
+        return self._choose_closest(candidates)
 
-    def _simplified(self, mesh: Mesh, quality: str) -> LowPoly:
+    def _simplify(self, mesh: Mesh, quality: str) -> LowPoly:
         low, report = simplify_with_report(
             self.rule.to_simplify(mesh, self.high, threads=self.threads),
             self.n_faces,
@@ -115,10 +115,10 @@ class LowPolyMaker:
         reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
         return LowPoly(mesh=low, report=report, reach=reach)
 
-    def _kept(self) -> LowPoly:
-        return self._simplified(self.high, self.quality)
+    def _simplify_high(self) -> LowPoly:
+        return self._simplify(self.high, self.quality)
 
-    def _wrapped(self, reason: Reason | None) -> list[LowPoly]:
+    def _simplify_wraps(self, reason: Reason | None) -> list[LowPoly]:
         """Make one mesh of each wrap."""
         candidates = wraps(
             self.high,
@@ -133,7 +133,7 @@ class LowPolyMaker:
     def _of_wrap(self, wrap: Mesh, width: float, n_left_out: int, reason: Reason | None) -> LowPoly:
         name, diagonal = self.high.name, self.high.diagonal
         # The vertices of a wrap are not vertices of the mesh, so they may move.
-        simplified = self._simplified(wrap, "best" if width else self.quality)
+        simplified = self._simplify(wrap, "best" if width else self.quality)
         low = replace(simplified, is_of_wrap=True)
         why: list[str] = []
         if reason is not None:
@@ -161,7 +161,7 @@ class LowPolyMaker:
         rays = max(rays, low.report.distance.b_to_a.max)  # very few faces lie farther from the wrap
         return replace(low, why=tuple(why), ray_distance=rays)
 
-    def _closest(self, candidates: list[LowPoly]) -> LowPoly:
+    def _choose_closest(self, candidates: list[LowPoly]) -> LowPoly:
         """Return the mesh whose normal map would leave the least mean angle in pictures.
 
         If no candidate reaches the number of triangles, it is the one that comes closest.

@@ -98,7 +98,7 @@ class VertexStream:
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
-    return _welded(mesh, weld_vertices(mesh, threads=threads)[mesh.faces], {}, threads)
+    return _weld(mesh, weld_vertices(mesh, threads=threads)[mesh.faces], {}, threads)
 
 
 def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
@@ -118,10 +118,10 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
             columns["normal_ids"] = normals
     if mesh.face_groups is not None and has_borders(mesh):
         columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
-    return _welded(mesh, places, columns, threads)
+    return _weld(mesh, places, columns, threads)
 
 
-def _welded(
+def _weld(
     mesh: Mesh, places: IntArray, columns: dict[str, IntArray], threads: int | None
 ) -> VertexStream:
     """Stream with a vertex for each place and its values in columns, all (F, 3)."""

@@ -234,7 +234,7 @@ class Mesh:
         value = getattr(self, field)
         if value is None:
             return None
-        array = _converted(value, f"{self.name}: {field}", dtype, shape)
+        array = _convert(value, f"{self.name}: {field}", dtype, shape)
         if noun is not None:
             _check_finite(array, f"{self.name}: {noun}")
         object.__setattr__(self, field, array)
@@ -256,10 +256,10 @@ class Mesh:
             if not isinstance(name, str) or not name.strip() or not name.isprintable():
                 raise MeshError(f"{self.name}: {quoted(name)} is not a name of texture coordinates")
             of_set = f"of the UV set {quoted(name)}"
-            uvs = _converted(item.uvs, f"{self.name}: uvs {of_set}", np.float64, (None, 2))
+            uvs = _convert(item.uvs, f"{self.name}: uvs {of_set}", np.float64, (None, 2))
             _check_finite(uvs, f"{self.name}: a texture coordinate {of_set}")
             shape = (len(self.faces), 3)
-            faces = _converted(item.faces, f"{self.name}: faces {of_set}", np.int32, shape)
+            faces = _convert(item.faces, f"{self.name}: faces {of_set}", np.int32, shape)
             _check_indices(faces, len(uvs), f"{self.name}: an index {of_set}")
             sets[name] = UvSet(uvs, faces)
         object.__setattr__(self, "uv_sets", sets)
@@ -279,9 +279,7 @@ class Mesh:
             object.__setattr__(self, "polygon_of", frozen(np.append(np.int32(0), numbers)))
 
 
-def _converted(
-    value: Any, what: str, dtype: type, shape: tuple[int | None, ...]
-) -> npt.NDArray[Any]:
+def _convert(value: Any, what: str, dtype: type, shape: tuple[int | None, ...]) -> npt.NDArray[Any]:
     """Return a read-only, contiguous array of a type and shape (None: any length).
 
     Integers are neither rounded nor wrapped around: values that do not fit are errors.

@@ -230,7 +230,7 @@ def _simplified(
         return _unchanged(mesh, _FEW_FACES)
     with stages.stage("simplify"):
         if limit is not None:
-            return _within(mesh, limit, options, threads)
+            return _simplify_within(mesh, limit, options, threads)
         assert n_faces is not None
         return reduced(mesh, n_faces, options, threads)
 
@@ -239,7 +239,9 @@ def _unchanged(mesh: Mesh, note: str) -> Reduction:
     return Reduction(mesh, None, "unchanged", (note,))
 
 
-def _within(mesh: Mesh, limit: float, options: SimplifyOptions, threads: int | None) -> Reduction:
+def _simplify_within(
+    mesh: Mesh, limit: float, options: SimplifyOptions, threads: int | None
+) -> Reduction:
     """The result of fewest faces found, not below a number, that lies within a distance."""
     n_faces = options.n_faces
     if mesh.n_faces <= (n_faces or MIN_FACES):

@@ -99,7 +99,7 @@ def export_files(
     )
 
 
-def _of_asset(job: Job) -> dict[str, Any]:
+def _asset_parameters(job: Job) -> dict[str, Any]:
     """Return the maps of a step by their kinds, and options with the name of the asset."""
     name = job.settings["name"] or job.asset.rpartition("/")[2]
     maps = {kind: file for role, kind in _EXPORTED.items() if (file := job.input(role))}
@@ -130,7 +130,7 @@ EXPORT = step_of(
         *(Reads(name, required=False) for name in _EXPORTED),
     ),
     outputs=lambda settings: {"folder": "export"},
-    prepare=_of_asset,
+    prepare=_asset_parameters,
     figures=_figures,
     memory=_memory,
     revision=3,

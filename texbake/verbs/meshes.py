@@ -275,7 +275,7 @@ def cage_file(
 
     high_mesh, low_mesh = read_mesh(high, progress=progress), read_mesh(low, progress=progress)
     check_fit(high_mesh, low_mesh, threads=threads)
-    cage = _fitted_cage(high_mesh, low_mesh, margin, threads)
+    cage = _fit_cage(high_mesh, low_mesh, margin, threads)
     write_mesh(cage.mesh, output)
     inside_out = diagnose_opposite_sides(high_mesh, low_mesh, orientation="auto", threads=threads)
     return JobResult(
@@ -283,7 +283,7 @@ def cage_file(
     )
 
 
-def _fitted_cage(high: Mesh, low: Mesh, margin: float | None, threads: int | None) -> Cage:
+def _fit_cage(high: Mesh, low: Mesh, margin: float | None, threads: int | None) -> Cage:
     """Fit a cage, object by object if their names pair up."""
     import numpy as np
 

@@ -33,7 +33,7 @@ _AFFINE_VS_PERSPECTIVE = ("affine", "perspective")
 _SAMPLE, _DIVIDED = 120, 150
 
 
-def _several(name: str) -> Extra:
+def _variants_option(name: str) -> Extra:
     """Return an option of a picture that several pictures can differ by."""
     item = option_field(RenderOptions, name)
     words = item.option.choices
@@ -45,7 +45,7 @@ def _several(name: str) -> Extra:
     )
 
 
-def _with_picture(values: dict[str, Any]) -> dict[str, Any]:
+def _picture_options(values: dict[str, Any]) -> dict[str, Any]:
     """Return the options of the picture that were given; the scene file determines the others."""
     rest = dict(values)
     view, explain = rest.pop("view"), rest.pop("explain")
@@ -104,15 +104,15 @@ def _with_picture(values: dict[str, Any]) -> dict[str, Any]:
         is_view=True,
     ),
     Options(RenderOptions, *_PICTURE, apart=True, only_given=True),
-    _several("filter"),
-    _several("interpolation"),
+    _variants_option("filter"),
+    _variants_option("interpolation"),
     Extra(
         "--affine-vs-perspective",
         f"The same as --interpolation {','.join(_AFFINE_VS_PERSPECTIVE)}.",
         is_flag=True,
     ),
-    _several("buffer"),
-    _several("mapping_order"),
+    _variants_option("buffer"),
+    _variants_option("mapping_order"),
     Extra(
         "--explain",
         "Print which passes ran, why, and how long they took, and which were left out and why; "
@@ -142,7 +142,7 @@ def _with_picture(values: dict[str, Any]) -> dict[str, Any]:
       texbake preview scene.toml --buffer depth,normals,uv -o buffers.png
       texbake preview scene.toml --view turntable:36 -o frames/
     """,
-    prepare=_with_picture,
+    prepare=_picture_options,
 )  # fmt: skip
 def preview_files(
     input: PathLike,  # noqa: A002  # what the help calls it

@@ -141,10 +141,10 @@ class CameraMapping:
             )  # fmt: skip
 
         run_bands(project, n, band=_BAND, threads=self._options.threads)
-        ids = self._unhidden(samples.faces, rays.origins, np.flatnonzero(weights))
+        ids = self._select_visible(samples.faces, rays.origins, np.flatnonzero(weights))
         return PhotoLookups(ids, coordinates[ids], derivatives[ids], weights[ids])
 
-    def _unhidden(
+    def _select_visible(
         self, faces: IntArray, points: FloatArray, ids: npt.NDArray[np.int64]
     ) -> npt.NDArray[np.int64]:
         """Those of some points that are visible, as are the four corners of the margin around."""

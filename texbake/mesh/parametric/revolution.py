@@ -231,7 +231,7 @@ def make_sphere(*, resolution: tuple[int, int], radius: float) -> Mesh:
     circle = circle_points(2 * n_v)[steps]  # half of it, from its lowest point to its highest
     normals = np.stack([circle[:, 1], -circle[:, 0]], axis=-1)
     outline = Outline(open_lines(n_v), radius * normals, normals, steps / n_v)
-    return _swept(round_columns(n_u), outline, "sphere")
+    return _sweep(round_columns(n_u), outline, "sphere")
 
 
 def make_torus(*, resolution: tuple[int, int], radius: float, minor_radius: float) -> Mesh:
@@ -240,7 +240,7 @@ def make_torus(*, resolution: tuple[int, int], radius: float, minor_radius: floa
     steps = np.arange(n_v + 1)
     normals = -circle_points(n_v)[steps % n_v]  # from the point nearest to the axis, downwards
     points = np.array([radius, 0.0]) + minor_radius * normals
-    return _swept(
+    return _sweep(
         round_columns(n_u), Outline(closed_lines(n_v), points, normals, steps / n_v), "torus"
     )
 
@@ -254,7 +254,7 @@ def make_revolution(
     """
     outline = profile_outline(profile, resolution[1], crease)
     check_triangles(2 * resolution[0] * (int(outline.lines.max()) + 1))
-    return _swept(round_columns(resolution[0], turns), outline, "revolution")
+    return _sweep(round_columns(resolution[0], turns), outline, "revolution")
 
 
 def _side_and_caps(
@@ -277,15 +277,15 @@ def _side_and_caps(
     low, high = -0.5 * height, 0.5 * height
     side = straight_outline((radii[0], low), (radii[1], high), n_v)
     if not caps:
-        return _swept(columns, side, name)
+        return _sweep(columns, side, name)
     outlines = [straight_outline((0.0, low), (radii[0], low), 1), side]
     if radii[1] > 0.0:
         outlines.append(straight_outline((radii[1], high), (0.0, high), 1))
     outline, parts = _joined(outlines)
-    return _swept(columns, outline, name, parts, radii[0])
+    return _sweep(columns, outline, name, parts, radii[0])
 
 
-def _swept(
+def _sweep(
     columns: SweptColumns,
     outline: Outline,
     name: str,

@@ -101,7 +101,7 @@ def without_cut_off(
     areas = np.bincount(parts.ids, face_areas(points, faces), len(parts.volumes))
     is_more = np.zeros(len(areas), dtype=np.bool_)
     is_more[solids[np.argsort(-areas[solids], kind="stable")[n_given:]]] = True
-    return _without(points, faces, parts.ids, areas, is_more)
+    return _drop_small_parts(points, faces, parts.ids, areas, is_more)
 
 
 def without_small_parts(
@@ -113,10 +113,10 @@ def without_small_parts(
     """
     ids, n_parts = face_components(faces, len(points))
     areas = np.bincount(ids, face_areas(points, faces), n_parts)
-    return _without(points, faces, ids, areas, areas < least * areas.sum())
+    return _drop_small_parts(points, faces, ids, areas, areas < least * areas.sum())
 
 
-def _without(
+def _drop_small_parts(
     points: FloatArray,
     faces: IntArray,
     ids: IntArray,

@@ -87,26 +87,26 @@ def project(
     targets += np.nan_to_num(back)[:, None] * (before - targets)
     targets[free] = before[free]
     edges = np.concatenate([nets.quads[:, [k, (k + 1) % 4]] for k in range(4)])
-    targets = _smoothed(targets, edges, free)
-    targets = _faired(targets, edges, fills)
+    targets = _smooth(targets, edges, free)
+    targets = _fair(targets, edges, fills)
     is_sharp = np.zeros(len(before), dtype=np.bool_)
     if sharp_edges:
         ids = np.where(nets.thin, -1, face_ids)
         is_sharp, targets = _sharp_targets(before, targets, ids, nets.quads, tree, threads=threads)
     checked = nets.triangles(before, threads=threads)
     if is_sharp.any():
-        checked = _divided_along(checked, nets.quads, is_sharp, before, targets)
+        checked = _divide_along(checked, nets.quads, is_sharp, before, targets)
     moved = without_folds(before, targets, checked, is_sharp, threads)
     faces = nets.triangles(moved, threads=threads)
     if is_sharp.any():
         at_edges = np.repeat(is_sharp[nets.quads].any(axis=1), 2)
         faces[at_edges] = checked[at_edges]
         is_sharp &= (moved == targets).all(axis=1)
-        faces = _flipped_along(faces, is_sharp, moved)
+        faces = _flip_along(faces, is_sharp, moved)
     return moved, faces
 
 
-def _smoothed(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray:
+def _smooth(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray:
     """Move free vertices to the means of their neighbors, again and again."""
     edges = edges[free[edges[:, 0]]]  # each edge comes both ways, from its two quads
     ids = np.flatnonzero(free)
@@ -121,7 +121,7 @@ def _smoothed(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatA
     return positions
 
 
-def _faired(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray:
+def _fair(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray:
     """Move free vertices to where the surface bends least, with its slopes at their border.
 
     Solved by conjugate gradients: least squares of the steps from vertices to the means of their
@@ -219,7 +219,7 @@ def _sharp_targets(
     vertices, planes = vertices[used], planes[used]
     ids, rows = np.unique(vertices, return_inverse=True)
     offsets = on_mesh[planes] - before[vertices]
-    steps, n_directions = _meetings(normals[planes], offsets, rows, len(ids))
+    steps, n_directions = _meet_planes(normals[planes], offsets, rows, len(ids))
     found = before[ids] + steps
     in_cell = (n_directions > 1) & (
         np.abs(found - (np.floor(before[ids]) + 0.5)) <= 0.5 + _BEYOND_CELL
@@ -298,7 +298,7 @@ def _without_slivers(
         chosen[left[np.arange(len(left)), costs[left].argmax(axis=1)]] = False
 
 
-def _divided_along(
+def _divide_along(
     faces: IntArray, quads: IntArray, is_sharp: BoolArray, before: FloatArray, after: FloatArray
 ) -> IntArray:
     """Divide quads along the sharp edge that two opposite corners lie on.
@@ -341,7 +341,7 @@ def _candidates(quads: IntArray, normals: FloatArray, face_ids: IntArray) -> Boo
     return found & (face_ids >= 0)
 
 
-def _meetings(
+def _meet_planes(
     normals: FloatArray, offsets: FloatArray, rows: npt.NDArray[np.intp], n: int
 ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
     """(n, 3) places, closest to 0, where the planes of each row meet.
@@ -361,7 +361,7 @@ def _meetings(
     return np.asarray(pm.matvec(axes, along)), kept.sum(axis=1)
 
 
-def _flipped_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
+def _flip_along(faces: IntArray, is_sharp: BoolArray, positions: FloatArray) -> IntArray:
     """Flip edges between two faces whose opposite corners lie on a sharp edge, once per face."""
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     opposite = opposite_half_edges(faces)
