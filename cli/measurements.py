@@ -91,10 +91,10 @@ def bench(
     and memory. Writes a page that opens without a network, its plots, Markdown tables, and all
     figures as JSON and CSV.
     """
-    given: dict[str, Any] = {name: value for name, value in choices.items() if value != ()}
+    settings: dict[str, Any] = {name: value for name, value in choices.items() if value != ()}
     if high is not None:
-        given.setdefault("cases", ())
-    options = BenchOptions(**given)
+        settings.setdefault("cases", ())
+    options = BenchOptions(**settings)
     from texbake.study.bench.run import bench_files, bench_rows
 
     with terminal.progress() as progress:

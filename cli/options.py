@@ -102,11 +102,11 @@ def _flag(field: OptionField, *, required: bool, unset: bool, only_given: bool) 
     if only_given and default is not None:
         text, default = f"{text}  [default: {default}]", None
     # For click a default of None is one, and the option would never be missing.
-    given = {"required": True} if required else {"default": default}
+    requirement = {"required": True} if required else {"default": default}
     return click.option(
         *names,
         type=kind,
-        **given,
+        **requirement,
         multiple=option.many,
         show_default=default is not None,
         metavar=_metavar(field),

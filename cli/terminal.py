@@ -74,7 +74,10 @@ class Terminal:
             table(
                 [
                     ("Stages", ""),
-                    *((f"  {name}", f"{taken:.2f} s") for name, taken in self.stages.items()),
+                    *(
+                        (f"  {name}", f"{stage_seconds:.2f} s")
+                        for name, stage_seconds in self.stages.items()
+                    ),
                     ("  total", f"{seconds:.2f} s{memory}"),
                 ]
             )

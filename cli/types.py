@@ -151,11 +151,11 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
     ) -> list[CompletionItem]:
         """Complete the name after the last comma."""
         before, comma, start = incomplete.rpartition(",")
-        taken = before.split(",")
+        names_before = before.split(",")
         return [
             CompletionItem(f"{before}{comma}{name}")
             for name in self.known
-            if name.startswith(start) and name not in taken
+            if name.startswith(start) and name not in names_before
         ]
 
 

@@ -57,18 +57,18 @@ def command_of(verb: Verb) -> click.Command:
 
     def command(terminal: Terminal, **values: Any) -> None:
         with terminal.progress() as progress:
-            more: dict[str, Callable[[], Any]] = {
+            makers: dict[str, Callable[[], Any]] = {
                 "progress": lambda: progress, "command": command_line, "clock": terminal.clock,
             }  # fmt: skip
-            given = {name: make() for name, make in more.items() if verb.takes(name)}
-            done = verb.run(**_arguments(verb, values), **given)
-        for warning in done.warnings:
+            context = {name: make() for name, make in makers.items() if verb.takes(name)}
+            result = verb.run(**_arguments(verb, values), **context)
+        for warning in result.warnings:
             terminal.warn(warning)
         show = PRINTERS.get(verb.name)
         if show is None:
-            terminal.summary(verb.table(done))
-            terminal.wrote(paths_of(done.files))
-        elif exit_code := show(terminal, done, values):
+            terminal.summary(verb.table(result))
+            terminal.wrote(paths_of(result.files))
+        elif exit_code := show(terminal, result, values):
             click.get_current_context().exit(exit_code)
 
     command.__doc__ = verb.help

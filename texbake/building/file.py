@@ -157,9 +157,9 @@ class Pipeline:
     def _check(self, name: str, own: Mapping[str, Any], rule: int) -> StepTable:
         kind = STEP_KINDS[self.steps[name]["do"]]
         shared = self.checks if kind.name == "check" else {}
-        given = {**shared, **self.steps[name], **own}
+        table = {**shared, **self.steps[name], **own}
         try:
-            checked = model_of(kind).model_validate(given)
+            checked = model_of(kind).model_validate(table)
             values = checked.set_values()
             settings = kind.settings(values)
         except (ValidationError, OptionError) as error:

@@ -114,15 +114,15 @@ def file_names(names: Sequence[str]) -> list[str]:
     >>> file_names(["lamp", "lamp", "a/b"])
     ['lamp', 'lamp_2', 'a_b']
     """
-    taken: set[str] = set()
+    names_in_use: set[str] = set()
     distinct = []
     for name in names:
         plain = re.sub(r"[^\w.-]+", "_", name).strip(".") or "object"
         candidate, count = plain, 1
-        while candidate.lower() in taken:
+        while candidate.lower() in names_in_use:
             count += 1
             candidate = f"{plain}_{count}"
-        taken.add(candidate.lower())
+        names_in_use.add(candidate.lower())
         distinct.append(candidate)
     return distinct
 

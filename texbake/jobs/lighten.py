@@ -148,13 +148,18 @@ def lighten(
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
         warnings = [*left_out(model)]
-    made = _lightened(source, materials, options, stages, progress)
+    light_model = _lightened(source, materials, options, stages, progress)
     with stages.part("write"):
         written = shared_materials(
-            made.mesh, source, materials, made.channels, Path(output).stem, threads=options.threads
+            light_model.mesh,
+            source,
+            materials,
+            light_model.channels,
+            Path(output).stem,
+            threads=options.threads,
         )
         write_glb(
-            made.mesh,
+            light_model.mesh,
             output,
             materials=written,
             compress=options.compress,
@@ -172,21 +177,21 @@ def lighten(
             )
     figures = LightenReport(
         n_faces_before=source.n_faces,
-        n_faces=made.mesh.n_faces,
+        n_faces=light_model.mesh.n_faces,
         n_bytes_before=model_bytes(model, materials),
         n_bytes=written_file(output).stat().st_size,
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
-        size=made.size,
-        images=made.images,
-        simplified=made.simplified,
-        unwrapped=made.unwrapped,
-        baked=made.baked,
+        size=light_model.size,
+        images=light_model.images,
+        simplified=light_model.simplified,
+        unwrapped=light_model.unwrapped,
+        baked=light_model.baked,
         comparison=comparison,
         missing_images=materials.missing_images,
         stages=tuple(stages.records),
     )
-    lines = _once([*warnings, *made.warnings], comparison)
+    lines = _once([*warnings, *light_model.warnings], comparison)
     done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
@@ -255,13 +260,16 @@ def _lightened(
         high, turned = oriented(source, options.orientation, threads=options.threads)
         rule = LowNormals(options.normals, options.angle)
         high = rule.of_high(high, threads=options.threads)
-        low, made = _simplified(high, options, rule, progress)
+        low, low_poly = _simplified(high, options, rule, progress)
         low = rule.before_unwrap(low)
-    simplified = None if made is None else made.report
+    simplified = None if low_poly is None else low_poly.report
     maps = transferred_channels(materials)
     if simplified is not None or any(materials.sources("normal")):
         maps = ("normal", *maps)
-    warnings = (*turned.notes, *(() if made is None else (*made.why, *made.report.notes)))
+    warnings = (
+        *turned.notes,
+        *(() if low_poly is None else (*low_poly.why, *low_poly.report.notes)),
+    )
     if not maps:  # the shape is as it was, and every channel is one number
         channels = encoded_channels({}, materials, "")
         return _Lightened(mesh=low, channels=channels, simplified=simplified, warnings=warnings)
@@ -272,7 +280,7 @@ def _lightened(
         low = rule.after_unwrap(low)
     with stages.part("bake"):
         chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        chosen = chosen if made is None else made.aimed(chosen)
+        chosen = chosen if low_poly is None else low_poly.aimed(chosen)
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         if chosen.front is None:  # otherwise they miss what fills the tunnels
             baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)

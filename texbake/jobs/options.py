@@ -120,8 +120,8 @@ class RunOptions(CheckedOptions):
     def _bake_samples(self) -> int | str:
         if self.samples is not None:
             return self.samples
-        asked = self.max_error is not None or self.time_budget is not None
-        return BakeOptions.samples if asked else DEFAULT_SAMPLES
+        is_adaptive = self.max_error is not None or self.time_budget is not None
+        return BakeOptions.samples if is_adaptive else DEFAULT_SAMPLES
 
     def render_options(self) -> RenderOptions:
         """Return how the pictures are made."""

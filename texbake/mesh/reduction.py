@@ -95,10 +95,12 @@ def reduced(mesh: Mesh, n_faces: int, options: SimplifyOptions, threads: int | N
     note = _why_not(result, n_faces)
     if note is not None:
         result = noted(result, note)
-    made = result.mesh
+    reduced_mesh = result.mesh
     if has_borders(mesh):
-        made = with_nearest_groups(made, mesh, threads)
-    return replace(result, mesh=object_by_object(with_nearest_attributes(made, mesh, threads)))
+        reduced_mesh = with_nearest_groups(reduced_mesh, mesh, threads)
+    return replace(
+        result, mesh=object_by_object(with_nearest_attributes(reduced_mesh, mesh, threads))
+    )
 
 
 def object_by_object(mesh: Mesh) -> Mesh:

@@ -117,6 +117,6 @@ class Costs:
         try:
             yield
         finally:
-            taken = time.perf_counter() - start
-            self.add(name, taken - self._running.seconds)
-            self._running.seconds = inner + taken
+            elapsed = time.perf_counter() - start
+            self.add(name, elapsed - self._running.seconds)
+            self._running.seconds = inner + elapsed

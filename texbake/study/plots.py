@@ -259,18 +259,18 @@ def _label_all(axes: Axes, figure: Figure) -> None:
 
     texts = axes._study_labels  # type: ignore[attr-defined]
     points = axes.transData.transform([(x, y) for x, y, *_ in texts])
-    made = [
+    annotations = [
         Annotation(text, (x, y), xytext=(0, 0), textcoords="offset points", color=color,
                    fontsize=size, annotation_clip=False)
         for x, y, text, color, size in texts
     ]  # fmt: skip
-    for item in made:
+    for item in annotations:
         axes.add_artist(item)
-    extents = [item.get_window_extent() for item in made]
+    extents = [item.get_window_extent() for item in annotations]
     sizes = np.array([(box.width, box.height) for box in extents])
     frame = axes.get_window_extent().extents
     corners = place_labels(points, sizes, frame)
-    for item, corner, point, size in zip(made, corners, points, sizes, strict=True):
+    for item, corner, point, size in zip(annotations, corners, points, sizes, strict=True):
         item.set_position(tuple((corner - point) * (72.0 / figure.dpi)))
         nearest = np.clip(point, corner, corner + size)
         if pm.norm(nearest - point) > 1.5 * size[1]:

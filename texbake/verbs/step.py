@@ -137,23 +137,23 @@ def step_of(
     parts = {part.role or part.name: part for part in verb.of_kind(Reads) if part.role is not None}
 
     def run(job: Job) -> dict[str, Any]:
-        given: dict[str, Any] = {
+        arguments: dict[str, Any] = {
             part.name: job.inputs[role] if part.many else job.file(role)
             for role, part in parts.items()
             if role in job.inputs
         }
         alone = {**job.settings, "threads": job.threads, "mtl": False}
-        given |= {name: value for name, value in alone.items() if name in verb.parameters}
+        arguments |= {name: value for name, value in alone.items() if name in verb.parameters}
         if prepare is None:
-            (given["output"],) = job.outputs.values()
+            (arguments["output"],) = job.outputs.values()
         else:
-            given |= prepare(job)
+            arguments |= prepare(job)
         if "options" in verb.parameters:
-            named = {item.name for item in fields(base)} - given.keys()
+            named = {item.name for item in fields(base)} - arguments.keys()
             threads = {"threads": job.threads} if "threads" in named else {}
-            given.setdefault("options", kind.made(job.settings, **threads))
+            arguments.setdefault("options", kind.made(job.settings, **threads))
         assert figures is not None
-        return figures(function(**given))
+        return figures(function(**arguments))
 
     more.setdefault("inputs", tuple(replace(part, name=role) for role, part in parts.items()))
     kind = StepKind(

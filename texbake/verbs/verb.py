@@ -166,10 +166,10 @@ def verb(
 
         @wraps(run)
         def whole(*args: Any, **more: Any) -> Any:
-            given = {**names.bind(*args, **more).arguments, **more}
+            arguments = {**names.bind(*args, **more).arguments, **more}
             with appearing_together():
-                _check_files(made, given)
-                return _reported(run(*args, **more), given.get("report"))
+                _check_files(made, arguments)
+                return _reported(run(*args, **more), arguments.get("report"))
 
         made = Verb(
             name=re.sub("_files?$", "", run.__name__).replace("_", "-"), run=whole, parts=parts,
@@ -214,29 +214,33 @@ def outputs_like(inputs: Any, output: Any) -> list[Path]:
     return [Path(output) / path.name for path in sources]
 
 
-def _check_files(made: Verb, given: Mapping[str, Any]) -> None:
+def _check_files(verb: Verb, arguments: Mapping[str, Any]) -> None:
     """Raise where an output cannot be written, or is an input or another output as well."""
     from texbake.jobs.outputs import OUTPUT_CHECKS, check_distinct, check_mesh
 
     inputs = {
-        part.name: paths_of(given.get(part.name, getattr(given.get("options"), part.name, None)))
-        for part in made.of_kind(Reads)
+        part.name: paths_of(
+            arguments.get(part.name, getattr(arguments.get("options"), part.name, None))
+        )
+        for part in verb.of_kind(Reads)
     }
     outputs: dict[Writes, list[Path]] = {}
-    for part in made.of_kind(Writes):
-        output = given.get(part.name)
-        outputs[part] = outputs_like(given[part.like], output) if part.like else paths_of(output)
+    for part in verb.of_kind(Writes):
+        output = arguments.get(part.name)
+        outputs[part] = (
+            outputs_like(arguments[part.like], output) if part.like else paths_of(output)
+        )
     check_distinct([path for paths in outputs.values() for path in paths])
     folders = {path for part, paths in outputs.items() if part.kind == "folder" for path in paths}
     for part, paths in outputs.items():
         kept = [path for name, read in inputs.items() if name != part.over for path in read]
         check_distinct(paths, kept)
         if part.like and len(paths) > 1:
-            check_folder(given[part.name])
+            check_folder(arguments[part.name])
             for path in paths:
                 check_mesh(path, folder_is_made=True)
         # Files may be given in place of a folder for them.
-        elif part.kind != "folder" or isinstance(given.get(part.name), str | os.PathLike):
+        elif part.kind != "folder" or isinstance(arguments.get(part.name), str | os.PathLike):
             for path in paths:
                 if path.parent in folders:
                     make_folder(path.parent)

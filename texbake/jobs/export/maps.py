@@ -149,7 +149,7 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
     if not is_folder(folder):
         raise FileError(f"{folder}: there is no such folder; give one that bake has written")
     found: dict[str, Path] = {}
-    taken = {kind_of(name, named or ()) for name in named or {}}
+    user_kinds = {kind_of(name, named or ()) for name in named or {}}
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     stems = [path.stem for path in images]
     for path in images:
@@ -158,7 +158,7 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
         if not fits:
             continue
         kind, _ = kind_of(max(fits, key=len))
-        if (kind, tile) in taken:
+        if (kind, tile) in user_kinds:
             continue
         key = f"{kind}:{tile}" if tile else kind
         if key in found:
@@ -167,7 +167,7 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
                 f"name the one to use in `named_maps`, as {kind}=FILE"
             )
         found[key] = path
-    if not found and not taken:
+    if not found and not user_kinds:
         raise OptionError(f"{folder}: no image in it is named after a map, such as normal.png")
     return {**found, **(named or {})}
 

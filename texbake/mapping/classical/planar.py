@@ -44,10 +44,10 @@ def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
     {'faces seen from behind': 2, 'faces seen edge-on': 8}
     """
     center = center_of(mesh, None)
-    given = options.normal or options.axis
-    if given is None and options.fit == "pca":
-        given = _flattest_normal(points_about(mesh, center, np.eye(3)).points, mesh)
-    normal = "z" if given is None else given
+    direction = options.normal or options.axis
+    if direction is None and options.fit == "pca":
+        direction = _flattest_normal(points_about(mesh, center, np.eye(3)).points, mesh)
+    normal = "z" if direction is None else direction
     frame = upright_frame(AXES[normal] if isinstance(normal, str) else normal)
     if options.fit == "pca":
         frame = _turned_to_spread(frame, points_about(mesh, center, frame).points, mesh)

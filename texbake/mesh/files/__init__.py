@@ -131,12 +131,12 @@ def write_mesh(mesh: MeshLike, path: PathLike, **options: Any) -> None:
     kind = _format_of(path)
     if kind.writer is None:
         raise FileFormatError(f"{path}: {suffix} files can only be read; write a .glb file")
-    given = {option: value for option, value in options.items() if value is not None}
-    for option in given:
+    write_options = {option: value for option, value in options.items() if value is not None}
+    for option in write_options:
         if option not in kind.options:
             raise OptionError(f"{path}: a {suffix} file has no {option}; write a .glb file")
     as_mesh = import_module("texbake.mesh.interchange").as_mesh  # itself reads files
-    _function(kind.writer)(as_mesh(mesh), path, **given)
+    _function(kind.writer)(as_mesh(mesh), path, **write_options)
 
 
 def _format_of(path: PathLike) -> _Format:

@@ -60,10 +60,10 @@ def write_usd(
 ) -> None:
     """Write a mesh as .usd, .usda, .usdc or .usdz."""
     require_usd(path)
-    given = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}
+    sources = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}
     textures = {
         slot: Path(source)
-        for slot, source in given.items()
+        for slot, source in sources.items()
         if isinstance(source, str | os.PathLike)
     }
     if textures:

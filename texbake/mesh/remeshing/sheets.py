@@ -167,9 +167,9 @@ def remesh_sheets(
     all_points, all_faces, n_points = [], [], 0
     for number in range(int(rounds.max()) + 1):
         chosen = rounds == number
-        given = np.ascontiguousarray(filled.faces[chosen])
-        band = Band.around(points, given, grid, threads=threads)
-        tree = TriangleTree.build(points, given, threads=threads)
+        sheet_faces = np.ascontiguousarray(filled.faces[chosen])
+        band = Band.around(points, sheet_faces, grid, threads=threads)
+        tree = TriangleTree.build(points, sheet_faces, threads=threads)
         nets = build_sheet(band, tree, threads=threads)
         if len(nets.quads) == 0:
             continue
@@ -184,7 +184,7 @@ def remesh_sheets(
         rim = None
         if len(edges):  # as triangles without area
             rim = TriangleTree.build(points, edges[:, [0, 1, 1]], threads=threads)
-        n_given = face_components(given, len(points))[1]
+        n_given = face_components(sheet_faces, len(points))[1]
         moved, faces = _cleaned(moved, faces, n_given, rim, threads)
         if rim is not None:
             moved = _onto_rim(moved, faces, rim, threads)

@@ -83,9 +83,12 @@ def trimesh_unwrap(job):
     import trimesh
 
     mesh = trimesh.load(job["mesh"], process=False)
-    made = mesh.unwrap()
+    unwrapped = mesh.unwrap()
     np.savez(
-        job["out"], positions=made.vertices, faces=made.faces, corners=made.visual.uv[made.faces]
+        job["out"],
+        positions=unwrapped.vertices,
+        faces=unwrapped.faces,
+        corners=unwrapped.visual.uv[unwrapped.faces],
     )
 
 
