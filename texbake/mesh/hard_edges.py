@@ -369,7 +369,7 @@ def turn_gently(one: FloatArray, other: FloatArray, turns: BoolArray, cosine: fl
 
 def _differ(normals: FloatArray, one: IntArray, other: IntArray) -> BoolArray:
     """(n,) bool: pairs of normals, by their rows, that differ by more than rounding."""
-    found: BoolArray = one != other
-    apart = np.abs(normals[one[found]] - normals[other[found]]).max(axis=1, initial=0.0)
-    found[found] = apart > _ROUNDING
-    return found
+    differs: BoolArray = one != other
+    apart = np.abs(normals[one[differs]] - normals[other[differs]]).max(axis=1, initial=0.0)
+    differs[differs] = apart > _ROUNDING
+    return differs

@@ -1,12 +1,12 @@
 """Rays and what they hit, as arrays: row i of `RayHits` is the first hit of row i of `Rays`.
 
-Hemispheres of rays on a surface tell how open its surroundings are, and how thick it is. From a
+Hemispheres of rays measure how open the surroundings of a surface are, and how thick it is. From a
 point of the surface, the outer rays spread over the hemisphere of the shading normal, and the inner
 rays go the opposite way. Directions that would point below the plane of the face are mirrored at
 it, so that no ray enters the face it starts on, and a convex surface is fully open however few
 faces it has.
 
-What the rays of a hemisphere hit is summed up in these columns:
+These columns sum up the rays of a hemisphere:
 
 - `OPEN`: the share of the outer rays that hit nothing, 0 to 1;
 - `OPEN_DIRECTION`: the mean of their directions, not normalized; the axis of the hemisphere where

@@ -274,15 +274,17 @@ def compare_shapes(
     drawn once.
     """
     flat = (with_flat_normals(low, threads=threads) for low in lows)
-    meshes, found = (high, *flat), []
+    meshes, errors_of_lows = (high, *flat), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")
     models = [prepare(studio_scene(m, options=options), options, threads=threads) for m in meshes]
     views = [replace(options, view=(*view, options.distance)) for view in _views_around(options)]
     for errors in zip(*(_draw_models(models, meshes, view)[1] for view in views), strict=True):
         angles = np.concatenate([error.angles[np.isfinite(error.angles)] for error in errors])
         mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
-        found.append((mean, 1.0 - len(angles) / max(sum(error.n_either for error in errors), 1)))
-    return found
+        errors_of_lows.append(
+            (mean, 1.0 - len(angles) / max(sum(error.n_either for error in errors), 1))
+        )
+    return errors_of_lows
 
 
 def _draw_models(

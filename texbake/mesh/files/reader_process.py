@@ -56,14 +56,14 @@ def read_in_child(path: PathLike, request: str, classes: Classes) -> Any:
     if kind == "bug":
         raise RuntimeError(f"{path}: {answer}")
     if kind != "answer":
-        found = getattr(errors, str(kind), None)
-        if isinstance(found, type) and issubclass(found, TexbakeError):
-            raise found(str(answer))
+        error_class = getattr(errors, str(kind), None)
+        if isinstance(error_class, type) and issubclass(error_class, TexbakeError):
+            raise error_class(str(answer))
         raise FileFormatError(str(answer))
-    found, heard = answer
-    for line in heard:
+    value, warnings = answer
+    for line in warnings:
         warn_of(path, str(line).removeprefix(f"{os.fspath(path)}: "))
-    return found
+    return value
 
 
 def _ending(error: ChildError) -> str:

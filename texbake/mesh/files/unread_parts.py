@@ -53,9 +53,9 @@ def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
 def warn_of_pose(source: Document | FbxScene) -> Mapping[str, int]:
     """Warn of skins and shape keys, which would change the surface; return the counts of parts."""
     counts = _counts(source)
-    found = _named({noun: counts[noun] for noun in _POSES})
-    if found:
-        line = f"left out {' and '.join(found)}; the mesh is read in the pose it is stored in"
+    parts = _named({noun: counts[noun] for noun in _POSES})
+    if parts:
+        line = f"left out {' and '.join(parts)}; the mesh is read in the pose it is stored in"
         warn_of(source.path, line)
     return counts
 

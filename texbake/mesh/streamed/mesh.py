@@ -174,13 +174,13 @@ def _touching(
     """Return the result of `VertexMarks.touching`, computed in bands."""
     if len(faces) == 0:
         return faces, faces
-    found: dict[int, tuple[IntArray, IntArray]] = {}
+    bands: dict[int, tuple[IntArray, IntArray]] = {}
 
     def keep(start: int, stop: int) -> None:
-        found[start] = marks.touching(faces[start:stop])
+        bands[start] = marks.touching(faces[start:stop])
 
     run_bands(keep, len(faces), band=_FACES_PER_BAND, threads=threads)
-    kept, rows = zip(*(found[start] for start in sorted(found)), strict=True)
+    kept, rows = zip(*(bands[start] for start in sorted(bands)), strict=True)
     return np.concatenate(kept), np.concatenate(rows)
 
 
