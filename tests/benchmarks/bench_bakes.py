@@ -1,6 +1,6 @@
 """Bakes: samples, all maps, time budgets, and their stages.
 
-python tests/benchmarks/bench_bakes.py samples | maps | budgets | stages
+python tests/benchmarks/bench_bakes.py samples | maps | budgets | scans | stages
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ import texbake
 from texbake import progress
 from texbake.errors import TexbakeError
 from texbake.mesh.shapes import grid_sphere, uv_sphere
+from texbake.study.bench.programs import PROGRAMS, run_process
+from texbake.study.options import BLENDER_VARIABLE, BenchOptions
 
 BOUNDS = ("4deg", "2deg", "1deg", "0.7deg", "0.5deg", "0.35deg", "0.25deg", "0.12deg",
           "0.06deg", "0.03deg")  # fmt: skip
@@ -297,6 +299,76 @@ OPERATIONS = {"tree": ("triangle", 60), "rays and hits": ("ray", 430), "maps": (
               "encode": ("texel", 9)}  # fmt: skip
 
 
+def scans(*files, faces=5_000, size=2048, rounds=3, out="", least=50_000):
+    """Time of a normal map of real scans, beside Blender's, as whole processes.
+
+    Without files, all meshes of the data folder with at least `least` triangles. `texbake run`
+    makes the low-poly mesh; the bakes cast one ray per texel, first from 2 % of the diagonal in
+    front to 2 % behind, then, texbake alone, to distances that it measures. Seconds by the clock,
+    with reading and writing files. `out` keeps the pairs for the next run.
+    """
+    options = BenchOptions(blender=os.environ.get(BLENDER_VARIABLE))
+    row = table("pair", "triangles", "given distances", "measured distances", "Blender",
+                "Blender / given", "Blender / measured")  # fmt: skip
+    ratios = []
+    with tempfile.TemporaryDirectory() as folder:
+        for file in map(Path, files or scan_files()):
+            name = file.parent.name if file.stem == "high" else file.stem
+            pair = scan_pair(file, Path(out or folder) / name, faces, least)
+            if pair is None:
+                continue
+            high, low, n_faces, distance = pair
+            job = {"task": "bake-normals", "high": str(high), "low": str(low), "padding": 16,
+                   "distance": distance, "size": size, "samples": 1}  # fmt: skip
+            stem = Path(folder) / "map"
+            given = PROGRAMS["texbake"].command(job, stem, options)[0]
+            cut = given.index("--front")
+            commands = {
+                "given": given,
+                "measured": given[:cut] + given[cut + 4 :],
+                "Blender": PROGRAMS["blender"].command(job, stem, options)[0],
+            }
+            runs = in_turn(
+                {key: partial(run_process, line, timeout=3600) for key, line in commands.items()},
+                rounds,
+                time.perf_counter,
+            )
+            faults = [f"{key}: {run.result.fault}" for key, run in runs.items() if run.result.fault]
+            if faults:
+                row(name, f"{n_faces:,}", *faults)
+                continue
+            given, measured, blender = runs.values()
+            ratios += [blender.median / given.median, blender.median / measured.median]
+            row(name, f"{n_faces:,}", given.cell(), measured.cell(), blender.cell(),
+                blender.times(given, 1), blender.times(measured, 1))  # fmt: skip
+    if ratios:
+        middle = np.median(ratios)
+        print(f"\nThe least of these ratios is {min(ratios):.1f}, the median {middle:.1f}.")
+
+
+def scan_files():
+    """Meshes of the data folder, and the high-poly meshes of its pairs."""
+    for kind in ("meshes", "broken", "pairs"):
+        for path in sorted((DATA / kind).rglob("*")):
+            if path.suffix.lower() in (".ply", ".obj", ".glb", ".stl") and "low" not in path.stem:
+                yield path
+
+
+def scan_pair(file, folder, faces, least):
+    """The files of a pair, its number of triangles and 2 % of its diagonal; None if it is small."""
+    mesh = texbake.read_mesh(file)
+    if mesh.n_faces < least:
+        return None
+    folder.mkdir(parents=True, exist_ok=True)
+    high, low = folder / "high.ply", folder / "high_low.obj"
+    if not low.exists():
+        bare = texbake.Mesh(positions=mesh.positions.astype(np.float32), faces=mesh.faces)
+        texbake.write_mesh(bare, high)
+        options = texbake.RunOptions(n_faces=faces, size=1024)
+        texbake.run(texbake.read_mesh(high), folder, options)
+    return high, low, mesh.n_faces, 0.02 * mesh.diagonal
+
+
 def stages(triangles=4_000_000, sizes=(2048, 4096), rounds=3):
     """Where the time of a bake goes, and how near each stage is to what the machine can do.
 
@@ -405,4 +477,4 @@ def moved_bytes(counts):
 
 
 if __name__ == "__main__":
-    run_commands(globals(), samples, maps, budgets, stages)
+    run_commands(globals(), samples, maps, budgets, scans, stages)
