@@ -74,7 +74,7 @@ def check_picture(path: PathLike | None) -> None:
     if path is not None:
         from texbake.texture.image_formats import check_image_format
 
-        check_image_format(path, color=True, channels=3)
+        check_image_format(path)
         check_writable(path)
 
 

@@ -127,8 +127,8 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
         "position": np.rint((points - low) / side * POSITION_STEPS).astype(np.int32),
         "normal": octahedral(normals[normal_faces.ravel()[chosen]]),
     }
-    if tangents is not None and mesh.uvs is not None and mesh.uv_faces is not None:
-        uvs = mesh.uvs[mesh.uv_faces.ravel()[chosen]]
+    if tangents is not None:
+        uvs = mesh.corner_uvs().reshape(-1, 2)[chosen]
         signs = tangents[chosen, 3:].astype(np.int32)
         arrays["uv"] = np.rint(np.clip(uvs, -1000.0, 1000.0) * UV_STEPS).astype(np.int32)
         arrays["tangent"] = np.hstack([octahedral(tangents[chosen, :3]), signs])

@@ -193,7 +193,7 @@ def _check_output(output: Path, options: CubeOptions) -> None:
     elif not output.suffix:
         raise OptionError(f"layout: {options.layout} is one image, and {output} names a folder")
     else:
-        check_image_format(output, color=options.color)
+        check_image_format(output)
         check_writable(output)
 
 

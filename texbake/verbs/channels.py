@@ -96,7 +96,7 @@ def pack_channels_file(
     if not files:
         raise OptionError("red, green, blue: none is an image, so there is no size to give it")
     check_distinct([output], files)
-    check_image_format(output, bits, color=False, channels=len(sources), lossless=True)
+    check_image_format(output, bits, channels=len(sources), lossless=True)
     images = {file: read_image(file, color=False, threads=threads) for file in dict.fromkeys(files)}
     height, width = _common_size(images)
     pixels = np.empty((height, width, len(sources)), np.float32)

@@ -104,7 +104,7 @@ def pack_textures_file(
 
     targets = _mesh_targets(images, meshes, mesh_outputs)
     check_distinct([output, *targets], [*images, *meshes])
-    check_image_format(output, color=not data)
+    check_image_format(output)
     read = [read_image(path, color=not data, threads=threads) for path in images]
     packed = pack_textures([image.pixels for image in read], options)
     moved = [

@@ -150,7 +150,7 @@ def bake_texture_files(
     from texbake.texture.image_formats import check_image_format
 
     _check_sources(options, photos, cameras)
-    check_image_format(output, bits, color=not data)
+    check_image_format(output, bits)
     result = _baked(mesh, options, photos, cameras, progress)
     result.write(output, color=not data, bits=bits)
     if unseen_map is not None:
@@ -267,7 +267,7 @@ def bake_lightmap(
     from texbake.texture.image_formats import check_image_format
 
     folder = Path(output)
-    check_image_format(folder / f"map.{format}", options.bits, color=True, channels=3)
+    check_image_format(folder / f"map.{format}", options.bits, channels=3)
     stages = Stages(progress)
     with stages.part("read scene"):
         read = read_scene(scene, progress=progress)
