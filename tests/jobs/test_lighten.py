@@ -134,6 +134,7 @@ def test_each_face_has_the_channels_of_its_material(light):
     for name, value in expected.items():
         pixels = pixels_of(first.channels[name], is_color=CHANNELS[name].is_color)
         height, width = pixels.shape[:2]
+        assert height == width == OPTIONS.size
         found = pixels[((1 - v) * height).astype(int), (u * width).astype(int)]
         assert np.abs(found[copper] - value).max() < 0.02, name
         if name == "emissive":

@@ -41,6 +41,22 @@ def test_overlapping_faces_are_moved_side_by_side() -> None:
     assert report.n_charts == 12
 
 
+@pytest.mark.parametrize("turn", [0, 1, 2])
+def test_two_faces_are_one_chart_among_many_that_touch_no_other(turn: int) -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    places = 2.0 * np.stack([*np.divmod(np.arange(1500), 50), np.zeros(1500)], axis=1)
+    faces = np.concatenate(
+        [
+            [np.roll([1, 2, 0], turn) + 4 * i, np.roll([2, 1, 3], turn) + 4 * i]
+            if i < 100
+            else [[4 * i, 4 * i + 1, 4 * i + 2]]
+            for i in range(1500)
+        ]
+    )
+    mesh = Mesh(positions=(places[:, None] + corners).reshape(-1, 3), faces=faces)
+    assert chart_ids(unwrap(mesh, quality="fast")).max() == 1499
+
+
 def test_mirrored_charts_stay_mirrored() -> None:
     mesh = plane(2, 2)
     mirrored = with_coordinates(mesh, mesh.corner_uvs() * [-1.0, 1.0])

@@ -89,7 +89,8 @@ def test_a_chart_folded_over_is_two_islands() -> None:
 
 
 @pytest.mark.parametrize(
-    ("named", "baked"), [((), 1), (("part2",), 2), (("0",), 0), (("part0", "part2"), 0)]
+    ("named", "baked"),
+    [((), 1), (("part2",), 2), (("0",), 0), (("50",), 2), (("part0", "part2"), 0)],
 )
 def test_which_island_is_baked(named: tuple[str, ...], baked: int) -> None:
     """The first in the tile, or the first of those named; it is moved into the tile."""

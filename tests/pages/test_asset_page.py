@@ -4,6 +4,7 @@ import base64
 import io
 import re
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -279,6 +280,23 @@ def test_the_page_shows_what_was_measured(opened, baked):
     assert opened.value("document.querySelectorAll('.histogram rect').length") > 20
     opened.value("document.querySelector('[data-copies]').click()")
     opened.wait("document.querySelector('[data-copies]').textContent === 'Copied'")
+
+
+def test_files_have_the_histogram_of_their_bake(pair, tmp_path):
+    options = BakeOptions(maps=("displacement",), size=(48, 24), front=0.05, back=0.03)
+    result = bake(*pair, options)
+    assert result.missed.any()
+    heights, misses = tmp_path / "d.exr", tmp_path / "m.png"
+    result.maps["displacement"].write(heights, bits=32)
+    write_image(result.miss_map(), misses)
+    files = replace(page_of(pair, None), files={"displacement": heights}, misses=misses)
+    for name, page in ("a", page_of(pair, result)), ("b", files):
+        write_asset_page(tmp_path / name, page)
+    found = [
+        re.findall(r"<rect.*?</rect>", (tmp_path / name).read_text("utf-8"), re.DOTALL)
+        for name in ("a", "b")
+    ]
+    assert found[0] == found[1] != []
 
 
 def shows_a_still(browser):

@@ -37,6 +37,13 @@ def test_directions_are_unit_vectors_above_the_plane(n):
     np.testing.assert_allclose(np.linalg.norm(sets.astype(float), axis=-1), 1, atol=1e-7)
 
 
+@pytest.mark.parametrize("n", COUNTS)
+def test_directions_of_one_number_are_nearly_the_same_in_all_sets(n):
+    """Each number has its nth of the disk, so that boxes around them cover it about once."""
+    boxes = np.ptp(direction_sets(n)[..., :2], axis=0).prod(axis=-1)
+    assert boxes.sum() < 1.5 * np.pi
+
+
 def test_means_over_all_sets_are_those_of_the_cosine_lobe():
     x, y, z = np.moveaxis(direction_sets(64).astype(float), -1, 0)
     for values, mean in ((z, 2 / 3), (z * z, 1 / 2), (x, 0), (x * x, 1 / 4), (x * y, 0)):

@@ -392,16 +392,17 @@ def test_a_file_that_is_no_scene(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "objects",
+    ("objects", "n_made"),
     [
-        'shape = "sphere"\nresolution = [1000, 2000]',
-        'shape = "icosphere"\nlevel = 8',
-        'shape = "orange"\nn_triangles = 2_500_000',
-        'shape = "cylinder"\nsides = 2_500_000',
+        ('shape = "sphere"\nresolution = [1000, 2000]', 1),
+        ('shape = "icosphere"\nlevel = 8', 4),
+        ('shape = "orange"\nn_triangles = 2_500_000', 2),
+        ('shape = "cylinder"\nsides = 2_500_000', 1),
+        ('shape = "plane"\nresolution = [1000, 1500]', 2),  # with them, exactly as many as may be
     ],
 )
 def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
-    tmp_path, monkeypatch, objects
+    tmp_path, monkeypatch, objects, n_made
 ):
     made = []
     monkeypatch.setattr(
@@ -412,7 +413,7 @@ def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
     path.write_text(f"[[objects]]\n{objects}\n" * 9)
     with pytest.raises(FileFormatError, match=r"objects\[\d\].shape: .* 6,000,000 are the most"):
         read_scene(path)
-    assert 0 < len(made) < 5
+    assert len(made) == n_made
 
 
 # The documentation of scene files matches the keys that the reader accepts.

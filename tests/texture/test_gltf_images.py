@@ -67,10 +67,15 @@ def test_gray_images_stay_as_they_are(tmp_path):
     assert found.channels["roughness"].image == replace(image, components=(1,))
 
 
-@pytest.mark.parametrize("suffix", ["tga", "tif"])
-def test_other_formats_become_png_with_the_same_codes(tmp_path, suffix):
-    color = codes(4)
-    image = image_of(tmp_path / f"c.{suffix}", color, (0, 1, 2))
+@pytest.mark.parametrize(
+    ("suffix", "n"), [("tga", 4), ("tif", 4), ("tif", 3), ("tif", 2), ("tga", 1)]
+)
+def test_other_formats_become_png_with_the_same_codes(tmp_path, suffix, n):
+    given = codes(n)
+    color = np.full((8, 8, 4), 255)
+    color[..., :3] = given[..., : 3 if n > 2 else 1]
+    color[..., 3:] = given[..., n - 1 :] if n in (2, 4) else 255
+    image = image_of(tmp_path / f"c.{suffix}", given, (0, 1, 2))
     opacity = replace(image, components=(3,))
     found = rearranged(
         "blend",

@@ -222,6 +222,21 @@ def test_slivers_and_uncovered_centers_get_their_texels():
     np.testing.assert_allclose(result.maps["normal"].values[result.has_data], [[0, 0, 1]] * 21)
 
 
+def test_a_chart_in_another_part_of_the_texture_has_the_same_texels():
+    """Two charts of the same faces in a texture of several pieces, one half of it apart."""
+    low = flat()
+    place = low.uvs * [0.031, 0.37] + [0.011, 0.071]
+    twice = low.replace(
+        faces=np.tile(low.faces, (2, 1)),
+        uvs=np.concatenate([place, place + np.array([0.0, 0.5])]),
+        uv_faces=np.concatenate([low.uv_faces, low.uv_faces + len(place)]),
+    )
+    result = bake(ridge(), twice, options(size=(2048, 128)))
+    upper, lower = np.split(result.maps["normal"].values, 2)
+    assert result.has_data.sum() > 2 * 63 * 47
+    np.testing.assert_array_equal(upper, lower)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
