@@ -1,7 +1,10 @@
 """The command line: parse, call the library, print."""
 
+import atexit
 import os
 import sys
+import threading
+from contextlib import suppress
 
 
 def run() -> None:
@@ -14,6 +17,9 @@ def run() -> None:
 
     try:
         texbake(prog_name="texbake")
+    except SystemExit as end:
+        close_stdout()
+        end_at_once(end.code)
     finally:
         close_stdout()
 
@@ -41,3 +47,17 @@ def close_stdout() -> None:
         sys.stdout.flush()
     except OSError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def end_at_once(code: object) -> None:
+    """End the process without taking its modules apart, which would take a tenth of a small bake.
+
+    Like a process of `multiprocessing`, it waits for its threads and calls what is to be called at
+    the end. Returns where `code` is not a number.
+    """
+    if isinstance(code, int | None):
+        threading._shutdown()  # type: ignore[attr-defined]
+        atexit._run_exitfuncs()
+        with suppress(OSError, ValueError):
+            sys.stderr.flush()
+        os._exit(code or 0)

@@ -15,6 +15,7 @@ import click
 import texbake
 from texbake import BuildOptions, TexbakeError
 from texbake.errors import counted
+from texbake.progress import Stages
 from texbake.schema import option_fields, option_of
 
 from .messages import command_line
@@ -93,7 +94,7 @@ def build(
 
         _print_plan(plan_build(pipeline, options), terminal)
         return
-    with _show_progress(terminal) as listener:
+    with _show_progress(terminal) as listener, Stages().part("build"):
         result = texbake.build(
             pipeline, options, html=html, command=command_line(), listener=listener
         )

@@ -61,15 +61,11 @@ def rounded(seconds: float) -> str:
 
 
 class ShownProgress:
-    """A `ProgressSink` that keeps the running stages, and the seconds of those that have ended.
-
-    `show` is for subclasses; here it does nothing.
-    """
+    """A `ProgressSink` that keeps the running stages; `show` is for subclasses."""
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
         self.clock = clock
         self.running: dict[str, TimedStage] = {}
-        self.seconds: dict[str, float] = {}
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
         """Begin to time a stage."""
@@ -83,8 +79,7 @@ class ShownProgress:
         self.show("advanced", timed, self.clock() - timed.begun)
 
     def finished(self, stage: str, seconds: float) -> None:
-        """Add up the seconds."""
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + seconds
+        """Forget a stage."""
         self.show("finished", self.running.pop(stage), seconds)
 
     def show(self, event: str, stage: TimedStage, seconds: float) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import shutil
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from texbake import FileError
-from texbake.progress import peak_memory_bytes
+from texbake.progress import ProcessTimes, peak_memory_bytes, process_times
 
 from .messages import in_line, printable, with_flags
 from .progress import JsonLines, Lines, ShownProgress
@@ -40,19 +39,19 @@ class Terminal:
     quiet: bool = False
     # Print how long each stage took.
     verbose: bool = False
-    stages: dict[str, float] = field(default_factory=dict)  # seconds of those that have ended
+    # of this process
+    times: ProcessTimes = field(default_factory=ProcessTimes)
 
     @contextmanager
     def progress(self) -> Iterator[ProgressSink | None]:
         """Show the progress of the work in the block; yield None if no progress is shown."""
         with self._shown_progress() as sink:
             yield sink
-        if sink is not None:
-            self.stages.update(sink.seconds)
+        self.times.report()
 
     def _shown_progress(self) -> AbstractContextManager[ShownProgress | None]:
         if self.quiet or self.kind == "none":
-            return nullcontext(ShownProgress() if self.verbose else None)
+            return nullcontext(None)
         if self.kind == "json":
             return nullcontext(JsonLines(sys.stderr))
         if sys.stderr.isatty():
@@ -66,21 +65,14 @@ class Terminal:
         if not self.quiet:
             table(rows)
 
-    def times(self, seconds: float) -> None:
-        """Print how long each stage took, and the whole command, if that was asked for."""
+    def print_times(self) -> None:
+        """Print how long each stage took, and the process up to now, if that was asked for."""
         if self.verbose:
-            peak = peak_memory_bytes()
+            peak, stages = peak_memory_bytes(), self.times.end()
             memory = "" if peak is None else f", peak memory {peak / 1e9:.2f} GB"
-            table(
-                [
-                    ("Stages", ""),
-                    *(
-                        (f"  {name}", f"{stage_seconds:.2f} s")
-                        for name, stage_seconds in self.stages.items()
-                    ),
-                    ("  total", f"{seconds:.2f} s{memory}"),
-                ]
-            )
+            rows = [(f"  {name}", f"{seconds:.2f} s") for name, seconds in stages.items()]
+            total = sum(stages.values())
+            table([("Stages", ""), *rows, ("  total", f"{total:.2f} s{memory}")])
 
     def wrote(self, paths: Iterable[Path]) -> None:
         """Print the paths of the files written."""
@@ -177,8 +169,9 @@ def terminal_options(command: Callable[..., None]) -> Callable[..., None]:
     def with_terminal(
         *args: Any, progress: str, quiet: bool, verbose: bool, **options: Any
     ) -> None:
-        terminal, begun = Terminal(progress, quiet, verbose), time.perf_counter()
-        command(*args, terminal=terminal, **options)
-        terminal.times(time.perf_counter() - begun)
+        with process_times() as times:
+            terminal = Terminal(progress, quiet, verbose, times)
+            command(*args, terminal=terminal, **options)
+        terminal.print_times()
 
     return with_terminal

@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from itertools import count
 
 import pytest
 
-from texbake.progress import Stages, peak_memory_bytes
+from texbake import progress
+from texbake.progress import Stages, peak_memory_bytes, process_times
 
 
 class Ear:
@@ -56,6 +58,28 @@ def test_parts_of_one_name_add_up_and_are_not_shown():
                 pass
     assert [record.name for record in stages.records] == ["rasterize", "cast"]
     assert [event[1] for event in ear.heard] == ["bake", "bake"]
+
+
+def test_each_moment_of_the_process_counts_for_the_innermost_stage(monkeypatch):
+    """The sum is the age of the process, however stages are nested, repeated or fail."""
+    clock = count(1.0)
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(progress, "process_age", lambda: 0.5)
+    with process_times() as times:
+        with Stages().part("read"):
+            with Stages(Ear()).stage("read file"):
+                pass
+            with pytest.raises(ValueError, match="bad"), Stages().part("read file"):
+                raise ValueError("bad")
+        with Stages().part("bake"):
+            pass
+    with Stages().part("unheard"):
+        pass
+    times.report()
+    seconds = times.end()
+    assert list(seconds) == ["start", "read", "read file", "other work", "bake", "report"]
+    assert min(seconds.values()) > 0
+    assert sum(seconds.values()) == next(clock) - 1.0 - times.start
 
 
 def test_peak_memory_is_that_of_this_process():

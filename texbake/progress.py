@@ -1,15 +1,18 @@
 """Stages of long work: their progress for a listener, and their times for the report.
 
 A function that takes long accepts `progress`, an object with the three methods of `ProgressSink`,
-and opens a `Stages` on it. The times of the stages are kept for the report either way.
+and opens a `Stages` on it. The times of the stages are kept for the report either way. Where a
+command has opened `process_times`, each second of the process counts for exactly one stage.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -39,6 +42,60 @@ class StageRecord:
     name: str
     seconds: float
     peak_memory_bytes: int | None
+
+
+class ProcessTimes:
+    """Seconds of each stage since the process began: a second counts for the innermost stage.
+
+    What comes before the first stage is "start", and what comes between stages is "other work".
+    """
+
+    def __init__(self) -> None:
+        self.start = time.perf_counter() - process_age()
+        self.seconds: dict[str, float] = {}
+        self._counted = self.start
+        self._open = ["start"]
+
+    def enter(self, name: str) -> None:
+        """Begin a stage."""
+        self._count()
+        self._open.append(name)
+        self.seconds.setdefault(name, 0.0)
+
+    def leave(self) -> None:
+        """End the stage that began last."""
+        self._count()
+        self._open.pop()
+        if self._open == ["start"]:
+            self._open = ["other work"]
+
+    def end(self) -> dict[str, float]:
+        """Return the seconds of all stages up to now, in the order in which they began."""
+        self._count()
+        return self.seconds
+
+    def report(self) -> None:
+        """Count what follows as "report"; the work is done."""
+        self._count()
+        self._open = ["report"]
+
+    def _count(self) -> None:
+        now, name = time.perf_counter(), self._open[-1]
+        self.seconds[name] = self.seconds.get(name, 0.0) + now - self._counted
+        self._counted = now
+
+
+_TIMES: ContextVar[ProcessTimes | None] = ContextVar("process times", default=None)
+
+
+@contextmanager
+def process_times() -> Iterator[ProcessTimes]:
+    """Let all stages of the block, in this thread, count for the times of the process."""
+    token = _TIMES.set(times := ProcessTimes())
+    try:
+        yield times
+    finally:
+        _TIMES.reset(token)
 
 
 class Stages:
@@ -77,31 +134,47 @@ class Stages:
             if self._sink is not None:
                 self._sink.advanced(name, done)
 
-        start = time.perf_counter()
         if self._sink is not None:
             self._sink.started(name, total, unit)
+        start = time.perf_counter()
         try:
-            yield advance
+            with self._timed(name, recorded=recorded):
+                yield advance
         finally:
-            seconds = time.perf_counter() - start
-            if recorded:
-                self._add(name, seconds)
             if self._sink is not None:
-                self._sink.finished(name, seconds)
+                self._sink.finished(name, time.perf_counter() - start)
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
         """Record the time of a block without reporting it; parts of one name are added up."""
-        start = time.perf_counter()
+        with self._timed(name):
+            yield
+
+    @contextmanager
+    def _timed(self, name: str, *, recorded: bool = True) -> Iterator[None]:
+        start, times = time.perf_counter(), _TIMES.get()
+        if times is not None:
+            times.enter(name)
         try:
             yield
         finally:
-            self._add(name, time.perf_counter() - start)
+            if times is not None:
+                times.leave()
+            if recorded:
+                before = self._records[name].seconds if name in self._records else 0.0
+                seconds = before + time.perf_counter() - start
+                self._records[name] = StageRecord(name, seconds, peak_memory_bytes())
 
-    def _add(self, name: str, seconds: float) -> None:
-        if name in self._records:
-            seconds += self._records[name].seconds
-        self._records[name] = StageRecord(name, seconds, peak_memory_bytes())
+
+def process_age() -> float:
+    """Seconds since this process began; where the system does not report it, its processor time."""
+    try:
+        # The 22nd field, in ticks since the machine began; the second may hold spaces.
+        fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace")
+        ticks = int(fields.rpartition(")")[2].split()[19])
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
+    except (OSError, AttributeError, IndexError, ValueError):
+        return time.process_time()
 
 
 def peak_memory_bytes() -> int | None:

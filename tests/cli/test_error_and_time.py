@@ -1,6 +1,7 @@
 """`--max-error` and `--time-budget` of bakes and pictures on the command line."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -78,3 +79,34 @@ def test_too_short_a_time_is_a_warning_and_still_gives_maps() -> None:
     (warning,) = [text for text in process.stderr.splitlines() if "too short" in text]
     assert "--time-budget: 0.01 s is too short: the bake takes about" in warning
     assert Path("n.png").exists()
+
+
+# Prints its processor seconds, which stand for the clock, when the process ends.
+WITH_AGE = """
+import atexit, time
+from texbake import progress
+time.perf_counter = progress.process_age = time.process_time
+atexit.register(lambda: print("age", time.process_time(), flush=True))
+from texbake_cli import run
+run()
+"""
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"{NORMALS} -o n.png",
+        "simplify high.obj -o s.ply --faces 99",
+        "preview cube.obj -o p.png --size 64",
+    ],
+)
+def test_stages_add_up_to_the_life_of_the_process(line: str) -> None:
+    process = subprocess.run(
+        [sys.executable, "-P", "-c", WITH_AGE, *line.split(), "--verbose"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    *rows, age = process.stdout.split("Stages\n")[1].splitlines()
+    *stages, total = [float(re.search(r"  ([\d.]+) s", row)[1]) for row in rows]
+    # Each is rounded to hundredths.
+    assert abs(sum(stages) - total) < 0.005 * len(rows) + 1e-9
+    assert total == pytest.approx(float(age.removeprefix("age ")), rel=0.02, abs=0.01)

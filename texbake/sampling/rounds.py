@@ -14,11 +14,9 @@ are kept as well.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -26,6 +24,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.limits import parse_seconds
+from texbake.progress import process_age
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,18 +42,8 @@ class BudgetClock:
 
     @classmethod
     def of_process(cls, warn: Callable[[str], None] | None = None) -> BudgetClock:
-        """Return the clock that began with this process.
-
-        If the system does not report it, the processor time stands for the age of the process.
-        """
-        try:
-            # The 22nd field, in ticks since the machine began; the second may hold spaces.
-            fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace")
-            ticks = int(fields.rpartition(")")[2].split()[19])
-            age = time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
-        except (OSError, AttributeError, IndexError, ValueError):
-            age = time.process_time()
-        return cls(start=time.perf_counter() - age, warn=warn)
+        """Return the clock that began with this process."""
+        return cls(start=time.perf_counter() - process_age(), warn=warn)
 
     @property
     def spent(self) -> float:
