@@ -61,8 +61,11 @@ class Camera:
         The sphere is centered on the joint bounding box. A mesh without any extent is framed as if
         its radius were 1.
         """
-        options = options or RenderOptions()
-        center, radius = cls.sphere_around(*meshes)
+        return cls.framing_sphere(*cls.sphere_around(*meshes), options or RenderOptions())
+
+    @classmethod
+    def framing_sphere(cls, center: FloatArray, radius: float, options: RenderOptions) -> Camera:
+        """Return a camera that frames a sphere."""
         tangent = pm.tan(math.radians(options.fov) / 2)
         narrow = pm.arctan(tangent * min(1.0, options.width / options.height))
         distance = options.distance or _MARGIN * radius / pm.sin(narrow)
@@ -104,13 +107,12 @@ class Camera:
 
         The radius of a mesh without extent is 1.
         """
-        clouds = [used_positions(mesh) for mesh in meshes]
-        low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
-        high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+        low = np.min([mesh.bounds[0] for mesh in meshes], axis=0)
+        high = np.max([mesh.bounds[1] for mesh in meshes], axis=0)
         center = 0.5 * low + 0.5 * high
         squared = 0.0
-        for cloud in clouds:
-            offsets = cloud - center
+        for mesh in meshes:
+            offsets = used_positions(mesh) - center
             squared = max(squared, float(pm.vecdot(offsets, offsets).max()))
         if not math.isfinite(squared):
             raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")

@@ -23,12 +23,12 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.topology import surface_side
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import Prepared, draw, prepare
+from texbake.rendering.draw import Prepared, draw, prepare, without_light
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, color_angles, side_by_side
@@ -228,17 +228,18 @@ def compare(
         scenes += [studio_scene(low, options=options, edge_px=None, **use) for use in uses]
         # Pictures of two sizes share everything that does not depend on the size.
         models = [prepare(scene, options, threads=threads) for scene in scenes]
+        sphere = Camera.sphere_around(high, low)
 
     with stages.stage("pictures"):
-        frames, pictured = _draw_models(models, (high, low), options)
+        frames, pictured = _draw_models(models, (high, low), sphere, options)
     errors = [pictured]
     if not quick:
         with stages.stage("angles", total=len(views), unit="views") as advance:
-            errors = []
+            errors, models = [], list(map(without_light, models))
             for view in views:
                 # One sample per pixel: its center.
                 of_view = replace(options, view=(*view, options.distance), supersampling=1)
-                errors.append(_draw_models(models, (high, low), of_view)[1])
+                errors.append(_draw_models(models, (high, low), sphere, of_view)[1])
                 advance(1)
     with stages.stage("similarity"):
         seen = [(encode_srgb(frame.color[..., :3]), frame.coverage > 0) for frame in frames]
@@ -276,9 +277,12 @@ def compare_shapes(
     flat = (with_flat_normals(low, threads=threads) for low in lows)
     meshes, errors_of_lows = (high, *flat), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")
-    models = [prepare(studio_scene(m, options=options), options, threads=threads) for m in meshes]
+    scenes = [studio_scene(mesh, options=options) for mesh in meshes]
+    models = [without_light(prepare(scene, options, threads=threads)) for scene in scenes]
+    sphere = Camera.sphere_around(*meshes)
     views = [replace(options, view=(*view, options.distance)) for view in _views_around(options)]
-    for errors in zip(*(_draw_models(models, meshes, view)[1] for view in views), strict=True):
+    errors_of_views = [_draw_models(models, meshes, sphere, view)[1] for view in views]
+    for errors in zip(*errors_of_views, strict=True):
         angles = np.concatenate([error.angles[np.isfinite(error.angles)] for error in errors])
         mean = float(angles.mean(dtype=np.float64)) if len(angles) else 0.0
         errors_of_lows.append(
@@ -288,10 +292,13 @@ def compare_shapes(
 
 
 def _draw_models(
-    models: Sequence[Prepared], meshes: tuple[Mesh, ...], options: RenderOptions
+    models: Sequence[Prepared],
+    meshes: tuple[Mesh, ...],
+    sphere: tuple[FloatArray, float],
+    options: RenderOptions,
 ) -> tuple[list[Frame], list[_Errors]]:
     """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses."""
-    camera = Camera.framing(*meshes, options=options)
+    camera = Camera.framing_sphere(*sphere, options)
     frames = [draw(replace(model, options=options), camera, keep=("normals",)) for model in models]
     bounds = np.concatenate([mesh.bounds for mesh in meshes])
     tolerance = _SAME_PART * float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))

@@ -32,6 +32,7 @@ from texbake.rendering.rasterize import World, join_objects
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.resolve import Frame, Sums
 from texbake.rendering.results import Compute, Costs, Deferred, Results, Target
+from texbake.rendering.scene.lights import Lighting
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene_simplification import SkippedEffect, simplify_scene
 from texbake.rendering.texture_order import base_colors_alone, in_texture_order
@@ -114,6 +115,11 @@ def relight(prepared: Prepared, scene: Scene) -> Prepared:
     ]
     other.loaded.results = prepared.loaded.results.copy(only=of_objects)
     return other
+
+
+def without_light(prepared: Prepared) -> Prepared:
+    """Return a scene without light, for pictures of which only normals and depths count."""
+    return replace(prepared, scene=replace(prepared.scene, lighting=Lighting()))
 
 
 def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:

@@ -126,7 +126,6 @@ def demo_files(
     while the light and the viewer turn.
     """
     from texbake.files import make_folder
-    from texbake.jobs.orange_turns import turns_plot
     from texbake.jobs.run import run, with_page
     from texbake.mesh.files import write_mesh
     from texbake.mesh.shapes import orange
@@ -146,5 +145,7 @@ def demo_files(
     )
     if html is None:
         return result
+    from texbake.jobs.orange_turns import turns_plot
+
     plot = turns_plot(options.threads, progress)
     return with_page(result, html, options.run_options(), command=command, plots=[plot])
