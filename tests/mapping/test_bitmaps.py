@@ -145,6 +145,18 @@ def test_charts_on_one_heap_are_moved_apart(padding: int) -> None:
     assert (apart[:, :2] + boxes <= size).all()
 
 
+def test_charts_as_wide_as_the_grid_are_stacked() -> None:
+    starts = 64 * np.arange(3)[:, None]
+    boxes, shifts = np.full((3, 1, 2), 8), np.zeros((3, 1, 2))
+    masks = np.ones(3 * 64, np.uint8)
+    bitmaps = Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
+    shapes = shapes_of(bitmaps, np.zeros(1, dtype=np.int32), turns=1)
+    places, weights = np.zeros((3, 3), dtype=np.int32), pair_weights(np.full(3, 64.0))
+    apart, overlap, _ = separate(shapes, places, weights, size=(8, 30), search=SEARCH, seed=1)
+    assert overlap == 0 == overlap_of(shapes, apart, (8, 30))
+    assert (apart[:, 0] == 0).all() and apart[:, 1].max() <= 22
+
+
 def test_charts_without_room_overlap_by_the_amount_reported() -> None:
     shapes = shapes_of(random_bitmaps(4, 12), np.zeros(1, dtype=np.int32), turns=4)
     places = np.zeros((12, 3), dtype=np.int32)

@@ -71,6 +71,12 @@ def test_no_chart_at_all() -> None:
     assert repaired(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
 
 
+def test_a_chart_without_area_becomes_points() -> None:
+    for uvs in np.zeros((4, 2)), plane().uvs * [1.0, 0.0]:
+        charts = repaired(plane(), uvs, np.zeros(4))
+        assert charts is not None and np.isfinite(charts.uvs).all()
+
+
 def test_a_folded_face_is_laid_out_for_itself() -> None:
     mesh = plane(3, 3)
     assert mesh.uvs is not None

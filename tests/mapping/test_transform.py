@@ -44,9 +44,13 @@ def test_each_step_and_their_order(changes: dict[str, object], expected: object)
     assert transform_uvs(point, UnwrapOptions(**changes)).tolist() == [list(expected)]  # type: ignore[arg-type, call-overload]
 
 
-def test_a_rotation_keeps_lengths_and_turns_counter_clockwise() -> None:
-    turned = transform_uvs(np.array([[1.5, 0.5]]), UnwrapOptions(rotate=30.0))
-    assert turned == pytest.approx(np.array([[0.5 + np.sqrt(0.75), 1.0]]), abs=1e-15)
+@pytest.mark.parametrize("degrees", [30.0, 90.0, 180.0, -135.0])
+def test_a_rotation_turns_counter_clockwise_about_the_middle(degrees: float) -> None:
+    before, after = (
+        (points - 0.5) @ [1.0, 1.0j]
+        for points in (POINTS, transform_uvs(POINTS, UnwrapOptions(rotate=degrees)))
+    )
+    assert after == pytest.approx(before * np.exp(1j * np.radians(degrees)), abs=1e-14)
 
 
 @pytest.mark.parametrize("size", [1024, (2048, 256)])

@@ -176,6 +176,8 @@ def test_sizes_whose_areas_float64_cannot_hold_are_one_error(scale: float, metho
 def test_coordinates_far_beyond_any_texture_are_refused() -> None:
     with pytest.raises(OptionError, match="up to 1e\\+300 tiles from the origin"):
         unwrap(plane(), method="planar", offset=(1e300, 0.0))
+    corners = unwrap(plane(), method="planar", offset=(1e12 - 1.0, 0.0)).corner_uvs()
+    assert corners.max() == 1e12
 
 
 def test_a_mesh_that_a_mapping_flattens_still_gets_its_coordinates() -> None:

@@ -8,6 +8,7 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tests.models import flipped, soup_of
+from texbake.core import core
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
@@ -171,6 +172,16 @@ def test_many_rows_with_any_number_of_threads(dtype):
     firsts = weld_rows(rows, threads=1)
     assert firsts.tolist() == firsts_by_dictionary(rows)
     assert weld_rows(rows, threads=3).tobytes() == firsts.tobytes()
+
+
+def test_rows_that_differ_have_hashes_all_over():
+    """One hash for all would find the same rows, in time that grows with their square."""
+    words = np.arange(60_000, dtype=np.uint32).reshape(-1, 3)
+    keys = np.random.default_rng(2).integers(0, 2**64, 4, np.uint64)
+    hashes = np.empty(len(words), np.uint32)
+    core.hash_rows(words, keys, 0, len(words), hashes)
+    assert len(np.unique(hashes)) > 0.999 * len(words)
+    assert np.ptp(np.bincount(hashes >> np.uint32(28), minlength=16)) < 0.2 * len(words) / 16
 
 
 def test_neighboring_floats_stay_apart():

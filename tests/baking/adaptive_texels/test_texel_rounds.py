@@ -77,6 +77,7 @@ def test_too_little_time_is_said_at_once_and_buys_the_fewest_samples():
     ).report
     (line,) = said
     assert line.startswith("time_budget: 0.001 s is too short: the bake takes about")
+    assert report.budget.least_seconds < 10 * report.budget.actual_seconds
     assert report.sampling.max_error == report.budget.max_error
     assert report.counts.rays_cast < 1.5 * 64 * 64
     assert dict(report.table())["size"] == "64 x 64, adaptive samples"
