@@ -1,8 +1,11 @@
 """Each kind of step, alone and against the function of the library that it calls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from texbake.baking.memory import PROCESS
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.compose import join_meshes
@@ -10,7 +13,10 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.texture.image import read_image, write_image
-from texbake.verbs.step import Job, without_timings
+from texbake.verbs.step import InputSize, Job, without_timings
+
+# Options of steps that have no default.
+NEEDED = {"simplify": {"faces": 1000}, "export": {"to": "blender"}}
 
 
 @pytest.fixture
@@ -100,6 +106,17 @@ def test_maps_in_several_formats(do, ball):
     again, _ = do("bake", given, threads=2, high=ball, low=ball)
     for name, path in files.items():
         assert path.read_bytes() == again[name].read_bytes()
+
+
+@pytest.mark.parametrize("name", STEP_KINDS)
+def test_larger_inputs_are_estimated_to_take_no_less_memory(name):
+    kind = replace(STEP_KINDS[name], check=None)
+    settings = kind.settings(NEEDED.get(name, {}))
+    few, more, most = (
+        kind.memory(settings, {role.name: (InputSize(100 * n, n),) for role in kind.inputs})
+        for n in (1_000, 100_000, 10_000_000)
+    )
+    assert PROCESS <= few <= more <= most
 
 
 def test_reports_have_no_times():

@@ -105,6 +105,13 @@ def test_sets_have_files_of_their_own(run, tmp_path):
     ]
 
 
+def test_why_rays_missed_is_said_of_the_worst_set(run):
+    """Rays that begin 0.15 above reach one part, and begin below the other."""
+    ends = "--front 0.15 --back 0.1"
+    done = run(f"high.obj low.obj --match-by-name --texture-sets groups --maps normal {ends}")
+    assert "low-poly faces far from the high-poly mesh" in done.output
+
+
 def test_tiles_have_files_of_their_own(run, tmp_path):
     pattern = "{asset}_{map}_{udim}.{ext}"
     run(f"high.obj tiles.obj {HEIGHTS} --name-pattern {pattern} --report OUT/report.json")

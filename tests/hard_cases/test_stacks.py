@@ -181,6 +181,9 @@ def test_triangles_that_fill_the_voxels_many_times_are_refused_at_once(monkeypat
     lower = int(str(raised.value).split("`resolution` of ")[1].split(",")[0])
     assert 8 <= lower < 128
     texbake.remesh(mesh, texbake.RemeshOptions(resolution=lower))
+    monkeypatch.undo()
+    monkeypatch.setattr(band, "_MOST_POINTS", 0.0)  # what fills no grid is never too much
+    texbake.remesh(icosphere(), texbake.RemeshOptions(resolution=32))
 
 
 def test_searches_among_triangles_that_overlap_are_bounded(monkeypatch):

@@ -139,6 +139,19 @@ def test_transforms_of_a_tree_are_products(instances):
         assert tuple(np.round(np.sort(expected, axis=0).ravel(), 6)) in found
 
 
+@pytest.mark.parametrize(
+    "numbers",
+    [[[1, 2]], [[1, 2, 3, 4]], [[1, 2]] * 3, [[1, 2, 3], [1, 2]], [[1, 2, "3"]], ["123"], [123]],
+)
+def test_a_translation_is_three_numbers(instances, numbers):
+    def change(document):
+        for node, given in zip(document["nodes"], numbers, strict=True):
+            node["translation"] = given
+
+    with pytest.raises(FileFormatError, match="translation"):
+        read_mesh(changed(instances(len(numbers)), change))
+
+
 def test_the_limit_is_raised_as_the_message_says(instances, monkeypatch):
     monkeypatch.setenv("TEXBAKE_MAX_TRIANGLES", "60")
     path = str(instances(100))

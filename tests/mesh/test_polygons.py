@@ -1,6 +1,7 @@
 """Triangles of polygons: they fill the polygon, whatever corner comes first, in every format."""
 
 import warnings
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -92,6 +93,17 @@ def test_quadrilaterals_are_cut_along_the_shorter_diagonal_that_lies_inside():
         for first in range(4):
             one, other = cut(points, first=first).tolist()
             assert set(one) & set(other) == diagonal
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_a_square_is_cut_at_its_least_vertex_wherever_it_lies(place):
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    for ring in permutations(range(4)):
+        if ring[0] % 2 != ring[2] % 2:
+            continue  # it would cross itself
+        corners = np.array(ring, np.int32)
+        found, _ = triangulated("it", np.roll(points, place, axis=0), corners, np.array([4]))
+        assert (corners[found] == 0).sum() == 2
 
 
 @pytest.mark.parametrize("axes", [(0, 1, 2), (0, 2, 1), (2, 0, 1)])

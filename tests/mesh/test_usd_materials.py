@@ -155,6 +155,7 @@ def test_a_threshold_of_opacity_is_a_mask(read):
     assert (material.alpha_mode, material.alpha_cutoff) == ("mask", 0.75)
     assert material.channels["alpha"].factor == (0.5,)
     assert read(f"{inputs} = 1").materials[0].alpha_mode == "opaque"
+    assert read("float inputs:opacity = 0.5").materials[0].alpha_cutoff == 0.5
 
 
 def test_coordinates_are_moved_as_blender_does(read):

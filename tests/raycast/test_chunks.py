@@ -1,6 +1,7 @@
 """A mesh traced in chunks against one ray tree over all of it: byte for byte the same."""
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -85,6 +86,18 @@ def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
         assert set(np.unique(hits.faces)) - {NO_HIT} == {0, 1}
 
 
+def test_rays_that_end_at_the_side_of_a_chunk_hit_what_lies_there() -> None:
+    sheet = plane(8, 8)
+    frame = LocalFrame.around(sheet)
+    targets = frame.to_local(sheet.positions[sheet.faces].mean(axis=1))
+    n = len(targets)
+    down = np.tile([0.0, 0.0, -1.0], (n, 1))
+    rays = Rays(targets - 0.25 * down, down, np.full(n, 0.25), np.full(n, 0.25))
+    for size in None, 16:
+        hits = RayScene.build(sheet, frame, chunk_faces=size).cast(rays)
+        assert hits.faces.tolist() == list(range(n))
+
+
 @pytest.fixture(scope="module")
 def pair() -> tuple[Mesh, Mesh]:
     high = uv_sphere(100, 160, lambda theta, phi: 1 + 0.02 * np.sin(9 * theta) * np.sin(8 * phi))
@@ -148,6 +161,16 @@ def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh
     held = tree.leaves.nbytes + tree.ids.nbytes + tree.nodes.nbytes
     order = n * np.dtype(np.uint64).itemsize
     assert 0.9 * TREE_FACE * n < held + order <= TREE_FACE * n
+
+
+def test_a_cage_takes_memory_as_another_low_poly_mesh_does(pair: tuple[Mesh, Mesh]) -> None:
+    high, low = pair
+    cage = low.replace(positions=1.1 * low.positions)
+    for n_low, fits in (2 * low.n_faces, True), (2 * low.n_faces - 1, False):
+        most = bake_memory(high.n_faces, n_low, 16 * 16, ("normal",))
+        options = BakeOptions(size=16, on_miss="closest", max_memory=most)
+        with nullcontext() if fits else pytest.raises(OptionError, match="traced in chunks"):
+            bake(high, low, options, cage=cage)
 
 
 def test_wrong_settings(pair: tuple[Mesh, Mesh]) -> None:

@@ -237,6 +237,23 @@ def test_a_chart_in_another_part_of_the_texture_has_the_same_texels():
     np.testing.assert_array_equal(upper, lower)
 
 
+def test_a_chart_beside_changes_no_texel():
+    low, others = flat(), plane(6, 6)
+    place = low.uvs * [0.43, 0.87] + [0.03, 0.04]
+    both = Mesh(
+        positions=np.concatenate([low.positions, others.positions + np.array([3.0, 0.0, 0.0])]),
+        faces=np.concatenate([low.faces, others.faces + low.n_vertices]),
+        uvs=np.concatenate([place, others.uvs * [0.43, 0.87] + [0.5, 0.05]]),
+        uv_faces=np.concatenate([low.uv_faces, others.uv_faces + len(place)]),
+    )
+    alone, beside = (
+        bake(ridge(at=0.123), each, options()) for each in (low.replace(uvs=place), both)
+    )
+    data = alone.has_data
+    found, expected = (result.maps["normal"].values[data] for result in (beside, alone))
+    np.testing.assert_array_equal(found, expected)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -239,11 +239,12 @@ def coarser(mesh):
     return simplify(mesh, mesh.n_faces // 2, seams="keep")
 
 
-def test_the_mesh_is_turned_and_scaled(tmp_path, mesh):
-    options = ExportOptions(to="blender", up="z", meters_per_unit=0.01)
+@pytest.mark.parametrize(("up", "scale"), [("z", 0.01), ("z", 1.0), ("y", 0.01), ("y", 1.0)])
+def test_the_mesh_is_turned_and_scaled(tmp_path, mesh, up, scale):
+    options = ExportOptions(to="blender", up=up, meters_per_unit=scale)
     result = export_asset(mesh, {}, tmp_path, options, levels=[coarser(mesh)])
     x, y, z = mesh.positions.T
-    expected = 0.01 * np.stack([x, z, -y], axis=1)
+    expected = scale * np.stack([x, z, -y] if up == "z" else [x, y, z], axis=1)
     found = read_mesh(result.mesh)
     order, given = (np.lexsort(points.round(6).T) for points in (found.positions, expected))
     np.testing.assert_allclose(found.positions[order], expected[given], atol=1e-8)

@@ -2,12 +2,14 @@
 
 import csv
 import io
+import re
+from dataclasses import replace
 
 import pytest
 
 from texbake.study.bench.result import BenchResult, Contest, Failure
 from texbake.study.bench.tasks import TASKS
-from texbake.study.bench.write import markdown
+from texbake.study.bench.write import contest_plot, markdown
 from texbake.study.knob import Evaluation, Setting
 from texbake.study.options import BenchOptions
 from texbake.study.result import Measurement
@@ -53,6 +55,13 @@ def test_each_setting_is_matched_with_the_fastest_that_is_as_accurate(contest):
     assert matches["smart"].times_as_fast == pytest.approx(10.0)
     assert matches["best"].ours is None and matches["best"].times_as_fast is None
     assert matches["default"].times_as_fast == pytest.approx(0.5)
+
+
+def test_memory_is_plotted_where_it_is_known(contest):
+    bare = tuple(replace(item, peak_bytes=None) for item in contest.measurements)
+    for measurements, n_frames in (contest.measurements, 2), (bare, 1):
+        plot = contest_plot(replace(contest, measurements=measurements))
+        assert len(re.findall('id="[^"]*axes_[0-9]+"', plot.svg)) == n_frames
 
 
 def test_csv_and_markdown_have_a_line_for_each_setting(contest):
