@@ -292,7 +292,7 @@ def _convert(value: Any, what: str, dtype: type, shape: tuple[int | None, ...]) 
         raise MeshError(f"{what} is not an array of numbers") from error
     if array.dtype.kind not in "biuf":
         raise MeshError(f"{what} is not an array of numbers")
-    if np.issubdtype(dtype, np.integer) and array.size:
+    if np.issubdtype(dtype, np.integer) and array.dtype != dtype and array.size:
         if array.dtype.kind not in "iu":
             raise MeshError(f"{what} must be integers, not {array.dtype}")
         limits = np.iinfo(dtype)
@@ -321,7 +321,7 @@ def _check_finite(array: npt.NDArray[Any], what: str) -> None:
 
 
 def _check_indices(indices: IntArray, n_values: int, what: str) -> None:
-    if indices.min() < 0 or indices.max() >= n_values:
+    if indices.view(np.uint32).max() >= min(n_values, 1 << 31):  # negative ones are large there
         bad = ((indices < 0) | (indices >= n_values)).reshape(len(indices), -1).any(axis=1)
         raise MeshError(f"{what} is out of range (face {int(bad.argmax())}; there are {n_values})")
 

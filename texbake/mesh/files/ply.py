@@ -150,6 +150,9 @@ def _corner_fields(
     sources: npt.NDArray[np.int64] | None,
 ) -> dict[str, Any]:
     """Faces, and the texture coordinates and normals that corners have by themselves."""
+    lists, has_own_values = polygons[name], any(own in polygons for own in CORNER_LISTS)
+    if isinstance(lists, np.ndarray) and lists.shape[1:] == (3,) and not has_own_values:
+        return {"faces": _as_indices(path, lists)}  # triangles, all of them
     sizes, indices = read_polygons(path, polygons, name)
     joined = indices if sources is None else sources[np.clip(indices, 0, len(sources) - 1)]
     slots, of_polygons = triangulated(path, positions, joined, sizes)
@@ -198,11 +201,14 @@ def _flattened(
 
 
 def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
+    values = np.ascontiguousarray(values)
+    if values.dtype == np.int32:
+        return values
     if len(values) and not (
         values.min() >= -(2.0**31) and values.max() < 2.0**31  # NaN is neither
     ):
         raise MeshError(f"{path}: a position index is out of range")
-    indices = values.astype(np.int32, copy=False)
+    indices = values.astype(np.int32)
     if values.dtype.kind == "f" and (indices != values).any():
         raise FileFormatError(f"{path}: a position index is not a whole number")
     return indices
