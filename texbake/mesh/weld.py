@@ -34,24 +34,27 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     >>> weld_rows(np.array([[1.0, 0.0], [2.0, 0.0], [1.0, -0.0]]))
     array([0, 1, 0], dtype=int32)
     """
-    values = np.empty(rows.shape, rows.dtype)
-    words = values.view(np.uint32)
+    rows = np.ascontiguousarray(rows)
+    negative_zero = rows.view(f"u{rows.itemsize}") == 1 << (8 * rows.itemsize - 1)
+    if negative_zero.any():
+        rows = rows + rows.dtype.type(0)  # -0.0 + 0.0 is 0.0
+    words = rows.view(np.uint32)
     hashes = np.empty(len(words), dtype=np.uint32)
     firsts = np.empty(len(words), dtype=np.int32)
     # A hash that is known lets a file be made whose rows all collide.
     keys = np.frombuffer(os.urandom(8 * (words.shape[1] + 1)), np.uint64)
 
     if len(words) <= _SMALL:
-        np.add(rows, rows.dtype.type(0), out=values)
         core.hash_rows(words, keys, 0, len(words), hashes)
         core.weld_part(words, hashes, 0, 0, firsts)
         return firsts
 
-    def work(start: int, stop: int) -> None:
-        np.add(rows[start:stop], rows.dtype.type(0), out=values[start:stop])  # -0.0 + 0.0 is 0.0
-        core.hash_rows(words, keys, start, stop, hashes)
-
-    run_bands(work, len(words), band=1 << 15, threads=threads)
+    run_bands(
+        lambda start, stop: core.hash_rows(words, keys, start, stop, hashes),
+        len(words),
+        band=1 << 15,
+        threads=threads,
+    )
     run_bands(
         lambda part, _: core.weld_part(words, hashes, _PART_BITS, part, firsts),
         1 << _PART_BITS,
