@@ -427,48 +427,59 @@ static const struct double_double ARCTANGENTS[9] = {
     {0x1.921fb54442d18p-1, 0x1.1a62633145c07p-55},
 };
 
+/* ARCTANGENTS[k], as a sum of which one term is not 0: loops with vector instructions cannot look it
+   up. */
+static inline struct double_double nearest_arctangent(int k)
+{
+    struct double_double sum = {0.0, 0.0};
+#pragma GCC unroll 8
+    for (int i = 1; i <= 8; i++) {
+        const double share = k == i;
+        sum.high += share * ARCTANGENTS[i].high;
+        sum.low += share * ARCTANGENTS[i].low;
+    }
+    return sum;
+}
+
 /* Angle of the point (x, y) with 0 <= y <= x and x > 0, from that of the nearest slope k / 8. */
 static inline struct double_double first_octant_angle(
     struct double_double y, struct double_double x)
 {
     const int k = (int)(8.0 * (y.high / x.high) + 0.5);
-    struct double_double across = y, along = x;
-    if (k > 0) {
-        const double slope = k / 8.0;
-        const struct double_double up = exact_product(x.high, slope);
-        const struct double_double right = exact_product(y.high, slope);
-        across = dd_sum(y, (struct double_double){-up.high, -(up.low + slope * x.low)});
-        along = dd_sum(x, (struct double_double){right.high, right.low + slope * y.low});
-    }
+    const double slope = k / 8.0;
+    const struct double_double up = exact_product(x.high, slope);
+    const struct double_double right = exact_product(y.high, slope);
+    const struct double_double across =
+        dd_sum(y, (struct double_double){-up.high, -(up.low + slope * x.low)});
+    const struct double_double along =
+        dd_sum(x, (struct double_double){right.high, right.low + slope * y.low});
     const struct double_double u = dd_quotient(across, along);
     const double z = u.high * u.high;
     const double tail =
         u.high * z * (-1.0 / 3 + z * (1.0 / 5 - z * (1.0 / 7 - z * (1.0 / 9 - z * (1.0 / 11 - z *
         (1.0 / 13 - z * (1.0 / 15)))))));
-    const struct double_double sum = exact_sum(ARCTANGENTS[k].high, u.high);
-    return renormalized(sum.high, sum.low + (ARCTANGENTS[k].low + u.low + tail));
+    const struct double_double start = nearest_arctangent(k);
+    const struct double_double sum = exact_sum(start.high, u.high);
+    return renormalized(sum.high, sum.low + (start.low + u.low + tail));
 }
 
-/* Angle of the point (x, y); the high parts have the signs of the numbers. */
+/* Angle of the point (x, y); the high parts have the signs of the numbers. Without branches, so that
+   loops can use vector instructions. */
 static inline double angle_of(struct double_double y, struct double_double x)
 {
-    const bool is_left = bits_of(x.high) >> 63, is_low = bits_of(y.high) >> 63;
-    const struct double_double width = is_left ? (struct double_double){-x.high, -x.low} : x;
-    const struct double_double height = is_low ? (struct double_double){-y.high, -y.low} : y;
-    const struct double_double pi = PORTABLE_PI;
-    struct double_double angle;
-    if (height.high > width.high) {
-        angle = first_octant_angle(width, height);
-        const struct double_double half = {0.5 * pi.high, 0.5 * pi.low};
-        angle = is_left ? dd_sum(half, angle)
-                        : dd_sum(half, (struct double_double){-angle.high, -angle.low});
-    } else {
-        angle = width.high == 0.0 ? (struct double_double){0.0, 0.0}
-                                  : first_octant_angle(height, width);
-        if (is_left)
-            angle = dd_sum(pi, (struct double_double){-angle.high, -angle.low});
-    }
-    return is_low ? -angle.high : angle.high;
+    const double across = copysign(1.0, x.high), up = copysign(1.0, y.high);
+    const struct double_double width = {across * x.high, across * x.low};
+    const struct double_double height = {up * y.high, up * y.low};
+    const bool is_steep = height.high > width.high;
+    const struct double_double rise = is_steep ? width : height;
+    struct double_double run = is_steep ? height : width;
+    run.high = run.high > 0.0 ? run.high : 1.0;
+    const struct double_double angle = first_octant_angle(rise, run);
+    /* From the nearest half axis, to its left or right. */
+    const double turns = is_steep ? 0.5 : across < 0.0 ? 1.0 : 0.0;
+    const double side = is_steep ? -across : across;
+    const struct double_double axis = {turns * PORTABLE_PI.high, turns * PORTABLE_PI.low};
+    return up * dd_sum(axis, (struct double_double){side * angle.high, side * angle.low}).high;
 }
 
 static inline double portable_atan2(double y, double x)
@@ -491,6 +502,15 @@ static inline double portable_atan2(double y, double x)
         y *= scale;
     }
     return angle_of((struct double_double){y, 0.0}, (struct double_double){x, 0.0});
+}
+
+/* portable_atan2(y, x), for loops with vector instructions: y is positive, and neither is above 2^500
+   or above 2^70 times the other, but x may be 0. */
+static inline double positive_atan2(double y, double x)
+{
+    const double scale = y < 0x1p-500 && fabs(x) < 0x1p-500 ? 0x1p600 : 1.0;
+    return angle_of(
+        (struct double_double){scale * y, 0.0}, (struct double_double){scale * x, 0.0});
 }
 
 static inline double portable_atan(double x) { return portable_atan2(x, 1.0); }

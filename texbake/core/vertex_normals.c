@@ -56,11 +56,59 @@ EXPORT void face_normals(
     }
 }
 
-static inline void add_weighted(double normal[3], double angle, struct vector unit)
+enum { BLOCK = 64 };
+
+/* Some faces, with loops that vector instructions can do: each array has a number of each face. */
+struct faces {
+    double corners[3][3][BLOCK]; /* coordinates of each corner */
+    double lengths[BLOCK];       /* of the cross product; 0 for a face without area */
+    double units[3][BLOCK], angles[3][BLOCK];
+    int32_t rows[BLOCK][3];
+};
+
+/* Compute normals and angles from corners. */
+static void weigh_faces(struct faces *some, double scale, double rounding)
 {
-    normal[0] += angle * unit.x;
-    normal[1] += angle * unit.y;
-    normal[2] += angle * unit.z;
+    for (int i = 0; i < BLOCK; i++) {
+        struct vector at[3];
+        for (int corner = 0; corner < 3; corner++)
+            at[corner] = (struct vector){
+                some->corners[corner][0][i] * scale, some->corners[corner][1][i] * scale,
+                some->corners[corner][2][i] * scale};
+        const struct vector ab = minus(at[1], at[0]), ac = minus(at[2], at[0]);
+        const struct vector across = cross(ab, ac);
+        const double length = area_length(ab, ac, across, rounding);
+        const double divisor = length > 0.0 ? length : 1.0;
+        /* A face with area is not so narrow, nor a scaled one so large, that this has another result
+           than portable_atan2. */
+        const double along = dot(ab, ac), back = -dot(ab, minus(ac, ab));
+        some->lengths[i] = length;
+        some->units[0][i] = across.x / divisor;
+        some->units[1][i] = across.y / divisor;
+        some->units[2][i] = across.z / divisor;
+        const double angle_a = positive_atan2(divisor, along);
+        const double angle_b = positive_atan2(divisor, back);
+        some->angles[0][i] = angle_a;
+        some->angles[1][i] = angle_b;
+        some->angles[2][i] = max_f64(PI - angle_a - angle_b, 0.0);
+    }
+}
+
+static void add_faces(
+    const struct faces *some, int n, int64_t n_normals, int64_t start, int64_t stop,
+    double normals[n_normals][3])
+{
+    for (int i = 0; i < n; i++) {
+        if (some->lengths[i] == 0.0)
+            continue;
+        for (int corner = 0; corner < 3; corner++) {
+            const int32_t row = some->rows[i][corner];
+            if (row < start || row >= stop)
+                continue;
+            for (int axis = 0; axis < 3; axis++)
+                normals[row][axis] += some->angles[corner][i] * some->units[axis][i];
+        }
+    }
 }
 
 /* Add every face to the normals of its corners that lie in start to stop - 1. `rows` are the normals
@@ -70,28 +118,25 @@ EXPORT void add_vertex_normals(
     const int32_t faces[n_faces][3], const int32_t rows[n_faces][3], double scale, double rounding,
     int64_t start, int64_t stop, double normals[n_normals][3])
 {
+    struct faces some = {0};
+    int n = 0;
     for (int64_t face = 0; face < n_faces; face++) {
-        const int32_t row_a = rows[face][0], row_b = rows[face][1], row_c = rows[face][2];
-        const bool owns_a = start <= row_a && row_a < stop, owns_b = start <= row_b && row_b < stop;
-        const bool owns_c = start <= row_c && row_c < stop;
-        if (!(owns_a || owns_b || owns_c))
-            continue;
-        const int32_t a = faces[face][0], b = faces[face][1], c = faces[face][2];
-        const struct vector ab = scaled_edge(positions, scale, a, b);
-        const struct vector ac = scaled_edge(positions, scale, a, c);
-        const struct vector across = cross(ab, ac);
-        const double length = area_length(ab, ac, across, rounding);
-        if (length == 0.0)
-            continue;
-        const double angle_a = portable_atan2(length, dot(ab, ac));
-        const double angle_b = portable_atan2(length, -dot(ab, minus(ac, ab)));
-        const struct vector unit = {across.x / length, across.y / length, across.z / length};
-        if (owns_a)
-            add_weighted(normals[row_a], angle_a, unit);
-        if (owns_b)
-            add_weighted(normals[row_b], angle_b, unit);
-        if (owns_c)
-            add_weighted(normals[row_c], max_f64(PI - angle_a - angle_b, 0.0), unit);
+        bool is_owned = false;
+        for (int corner = 0; corner < 3; corner++)
+            is_owned |= start <= rows[face][corner] && rows[face][corner] < stop;
+        if (is_owned) {
+            for (int corner = 0; corner < 3; corner++) {
+                some.rows[n][corner] = rows[face][corner];
+                for (int axis = 0; axis < 3; axis++)
+                    some.corners[corner][axis][n] = positions[faces[face][corner]][axis];
+            }
+            n++;
+        }
+        if (n == BLOCK || face == n_faces - 1) {
+            weigh_faces(&some, scale, rounding);
+            add_faces(&some, n, n_normals, start, stop, normals);
+            n = 0;
+        }
     }
 }
 
