@@ -177,6 +177,7 @@ def test_the_side_by_side_picture_holds_the_three_pictures():
     distance = np.abs(np.moveaxis(rows, -1, 2) - picture).max(axis=(2, 3))
     # Half of the widest step of sRGB in linear light.
     assert distance.min() < 0.0046
+    assert np.ptp(sheet[-12:], axis=2).max() > 0.1  # the scale of angles, below all pictures
 
 
 def test_no_view_is_an_error():

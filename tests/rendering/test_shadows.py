@@ -12,11 +12,13 @@ from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import Plan
+from texbake.rendering.effects.lights import PlacedLight
+from texbake.rendering.effects.shadow_fit import may_shade
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
+from texbake.rendering.scene.scene import Scene, SceneObject, corners_of, transform_matrix
 
 WHITE = Material(shading="lambert", base_color=(1.0, 1.0, 1.0), double_sided=True)
 ABOVE = Camera.looking_at((0, 8, 0.001), (0, 0, 0), up=(0, 0, -1), fov=math.radians(50), near=0.01)
@@ -329,6 +331,33 @@ def test_a_map_that_nothing_needs_is_left_out(case: str) -> None:
     assert not found.has("shadow maps") and not found.has("shadows")
     told = [item.why for item in found.left_out if item.name == "shadow maps"]
     assert len(told) == 1 and told[0].startswith(why)
+
+
+@pytest.mark.parametrize("kind", ["directional", "point", "spot"])
+def test_no_object_is_left_out_that_shades_another(kind: str) -> None:
+    """Boxes at random places: where a line from a receiver to the light meets a caster."""
+    random = np.random.default_rng(3)
+    zero = np.zeros(3)
+    n_shading = 0
+    for _ in range(150):
+        direction = random.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        cosines = (0.9, 0.3) if kind == "spot" else (-1.0, -1.0)
+        placed = PlacedLight(kind, zero, zero, direction, np.eye(3)[1], cosines, 0.0)
+        lows = random.uniform(-3.0, 3.0, (2, 3))
+        highs = lows + random.uniform(0.1, 2.5, (2, 3))
+        points = random.uniform(lows[1], highs[1], (30, 3))
+        if kind == "spot":
+            cosine = points @ direction / np.linalg.norm(points, axis=1)
+            points = points[cosine > cosines[1]]
+        steps = np.linspace(0.0, 1.0, 40)[:, None, None]
+        back = -9.0 * direction if kind == "directional" else -points
+        along = points + steps * back
+        meets = ((along > lows[0]) & (along < highs[0])).all(axis=2).any()
+        boxes = [corners_of(np.stack(ends)) for ends in zip(lows, highs, strict=True)]
+        assert may_shade(placed, *boxes) or not meets
+        n_shading += meets
+    assert n_shading > 10
 
 
 def test_a_map_is_not_made_for_what_turns_out_hidden() -> None:

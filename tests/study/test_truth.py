@@ -10,7 +10,7 @@ from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.resolve import picture_error
 from texbake.study.knob import Case, StudyPair
 from texbake.study.truth.pictures import Floor, ball_points, sight_rays
-from texbake.study.truth.probes import angles_deg, mean_normals, probe
+from texbake.study.truth.probes import N_RAYS, angles_deg, mean_normals, probe
 from texbake.study.truth.surfaces import (
     RadialSurface,
     orange_surface,
@@ -143,6 +143,7 @@ def test_mean_normals_are_those_of_all_rays_together():
     low = low.replace(positions=np.column_stack([unit, np.zeros(len(unit))]))
     means, known = mean_normals(StudyPair(high, low, ""), size)
     assert known.all()
+    assert N_RAYS == 16**2
     # Of 16 columns of rays 5 lie before the ridge, at 0.3 of the texel.
     beyond = 11.0 / 16.0
     mean = np.array([-beyond * math.sqrt(0.5), 0.0, 1.0 - beyond + beyond * math.sqrt(0.5)])

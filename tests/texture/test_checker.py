@@ -23,6 +23,13 @@ def test_each_cell_has_its_own_color_and_neighbors_differ_in_lightness() -> None
     assert min(step.min() for step in steps) > 0.05
 
 
+def test_hues_of_a_column_run_on_in_the_next() -> None:
+    colors = cells(checker_image(512, 16), 16)[:, :, 0, 0]
+    last, after, before = colors[-1, 1:-1], colors[0, 2:], colors[0, :-2]
+    away = [np.linalg.norm(last - first, axis=1) for first in (after, before)]
+    assert (away[0] < 0.5 * away[1]).all()
+
+
 def test_a_cell_never_looks_like_itself_mirrored_or_turned() -> None:
     for cell in cells(checker_image(512, 8), 8).reshape(-1, 64, 64, 3):
         ink = cell.max(axis=2) < 0.5 * cell[0, 0].max()

@@ -65,6 +65,16 @@ def test_kaiser_keeps_more_of_what_the_smaller_level_can_show_and_less_of_what_i
     assert kept["kaiser", "beyond"] < 0.25 * kept["box", "beyond"]
 
 
+@pytest.mark.parametrize("name", MIP_FILTERS)
+@pytest.mark.parametrize("size", SIZES)
+def test_a_mirrored_image_has_mirrored_levels(size, name):
+    image = random_image(*size)
+    plain, mirrored = (mip_chain(each, filter=name) for each in (image, image[::-1, ::-1]))
+    for level in range(plain.n_levels):
+        expected = plain.level(level)[::-1, ::-1]
+        np.testing.assert_allclose(mirrored.level(level), expected, atol=2e-6)
+
+
 def test_kaiser_follows_the_wrap_mode_across_the_border():
     ramp = np.broadcast_to(np.arange(64, dtype=np.float32)[None, :, None], (64, 64, 1))
     first = {
