@@ -164,6 +164,10 @@ def option(default: Value, help_or_option: str | Option, /, **attributes: Any) -
     return field(default=default, metadata={"option": declared})
 
 
+Size = int | tuple[int, int]  # in pixels or texels: of both sides, or width and height
+THREADS_OPTION = Option("Number of threads.", metavar="N", low=1, default="one per processor")
+
+
 class CheckedOptions:
     """Base of option classes, whose values are checked when they are created."""
 

@@ -6,12 +6,12 @@ file in a folder, it removes those of processes that have ended.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
 import stat
 import threading
+import zlib
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -78,7 +78,7 @@ def _machine() -> str:
         among = str(Path("/proc/self/ns/pid").readlink())
     except (OSError, ValueError):
         return _NOWHERE
-    return hashlib.sha256(f"{boot} {among}".encode()).hexdigest()[:8]
+    return f"{zlib.crc32(f'{boot} {among}'.encode()):08x}"
 
 
 def _clear(folder: Path, is_doomed: Callable[[int], bool]) -> None:

@@ -22,7 +22,7 @@ from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.options.shared import MAX_SIZE, TextureOptions
 from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
-from texbake.schema import CheckedOptions, Option, option
+from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
 
 SPACES = ("tangent", "object", "world")
 CONVENTIONS = ("opengl", "directx")
@@ -40,7 +40,6 @@ BITS_OPTION = Option(
     choices=BITS,
     default="the most that the file format holds; integers have at most 16",
 )
-THREADS_OPTION = Option("Number of threads.", metavar="N", low=1, default="one per processor")
 PADDING_OPTION = Option(
     "Width of the padding around each chart, filled with the nearest texels of the chart.",
     metavar="PX",

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-from texbake.baking.options import PADDING_OPTION, THREADS_OPTION, BakeOptions
+from texbake.baking.options import PADDING_OPTION, BakeOptions
 from texbake.checks.bake_kinds import (
     COORDINATE_KINDS,
     EDGES,
@@ -20,7 +20,7 @@ from texbake.checks.bake_kinds import (
 )
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.shared import TextureOptions
-from texbake.schema import option
+from texbake.schema import THREADS_OPTION, option
 
 _FILES = (
     Kind(

@@ -30,7 +30,6 @@ from texbake.jobs.material_transfer import (
 from texbake.jobs.options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.shared import Size
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
@@ -43,6 +42,7 @@ from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.raycast.orientation import oriented
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
+from texbake.schema import Size
 from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.

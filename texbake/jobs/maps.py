@@ -39,7 +39,6 @@ from texbake.mesh.streamed.source import open_source
 from texbake.progress import ProgressSink, StageRecord, Stages
 from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
-from texbake.texture.material_images import check_gray
 from texbake.texture.model_materials import read_materials
 
 DEFAULT_FORMAT = "png"
@@ -292,5 +291,7 @@ def materials_of(
             f"{', '.join(channels)} are asked for; bake them one after the other"
         )
     if channels and len(CHANNELS[channels[0]].default) == 1:
+        from texbake.texture.material_images import check_gray
+
         check_gray(read_image(image, color=False), channels[0])
     return Materials.of_image(mesh, image, *channels)

@@ -29,7 +29,6 @@ from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import ProgressSink
-from texbake.texture.material_images import gltf_images, mtl_images
 from texbake.texture.model_materials import without_damaged_images
 
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
@@ -173,10 +172,14 @@ def write_with_materials(
         materials, damaged = without_damaged_images(_of_uvs(mesh, materials, lost))
         notes += damaged
         if Path(output).suffix.lower() == ".glb":
+            from texbake.texture.material_images import gltf_images
+
             materials = gltf_images(_of_colors(mesh, materials, lost))
             notes += materials.notes()
             write_mesh(mesh, output, materials=materials)
         else:
+            from texbake.texture.material_images import mtl_images
+
             materials, without = mtl_images(materials)
             lost += without
             files = write_obj_materials(mesh, output, materials)

@@ -8,11 +8,9 @@ from typing import Annotated
 from texbake.baking.options import (
     CONVENTIONS,
     PADDING_OPTION,
-    THREADS_OPTION,
     BakeOptions,
 )
 from texbake.mapping.options import PADDING_DEFAULT, UnwrapOptions
-from texbake.mapping.options.shared import Size
 from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,
@@ -28,7 +26,7 @@ from texbake.mesh.options import (
     check_target,
 )
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
-from texbake.schema import CheckedOptions, option, option_of
+from texbake.schema import THREADS_OPTION, CheckedOptions, Size, option, option_of
 
 DEMO_FOLDER = "texbake_demo"
 DEFAULT_FACES = 500

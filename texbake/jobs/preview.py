@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from texbake.jobs.outputs import JobResult
 from texbake.jobs.preview_scene import DefaultView
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
-from texbake.rendering.compare_models import Contribution, contributions_of
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
 from texbake.rendering.maps import space_warnings
@@ -31,6 +30,9 @@ from texbake.rendering.results import Costs
 from texbake.rendering.scene.scene import Scene, camera_of, turntable_cameras
 from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import FloatImage, write_image
+
+if TYPE_CHECKING:
+    from texbake.rendering.compare_models import Contribution
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,6 +104,8 @@ def draw_preview(
         frame = _write_picture(view, variants, output, threads, progress, clock)
     changes: tuple[Contribution, ...] = ()
     if frame is not None and contributions:
+        from texbake.rendering.compare_models import contributions_of
+
         changes = contributions_of(
             view.scene, options, frame, camera=view.camera, threads=threads, progress=progress
         )

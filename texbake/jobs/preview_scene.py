@@ -27,7 +27,6 @@ from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Environment
-from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene, camera_of, outline
 from texbake.rendering.studio import STUDIO, STUDIO_ROOM, studio_scene
 from texbake.texture.encoding import quantize_srgb
@@ -65,6 +64,8 @@ def open_preview(
     changes = dict(options or {})
     as_mesh = bool(files) or not own_materials
     if suffix == ".toml" or (suffix in _MODELS and not as_mesh):
+        from texbake.rendering.scene.read import read_scene
+
         scene = read_scene(path, progress=progress)
         if suffix in _MODELS and changes.get("back_faces") is not None:
             scene = _with_sides_as_asked(scene)

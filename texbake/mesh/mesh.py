@@ -284,7 +284,7 @@ def _convert(value: Any, what: str, dtype: type, shape: tuple[int | None, ...]) 
 
     Integers are neither rounded nor wrapped around: values that do not fit are errors.
     """
-    if np.ma.is_masked(value):
+    if type(value) is not np.ndarray and np.ma.is_masked(value):
         raise MeshError(f"{what} has masked numbers; leave them out")
     try:
         array = np.asarray(value)

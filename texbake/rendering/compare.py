@@ -33,7 +33,6 @@ from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, color_angles, side_by_side
 from texbake.rendering.resolve import Frame, expose
-from texbake.rendering.scene.read import scene_from_materials
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene
 from texbake.texture.encoding import encode_srgb
@@ -315,6 +314,8 @@ def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:
     """Return the scene of one mesh with the normal maps of its materials."""
     if materials is None or not any(materials.sources("normal")):
         return scene
+    from texbake.rendering.scene.read import scene_from_materials
+
     (plain,) = scene.objects
     parts = scene_from_materials(plain.mesh, materials.only(("normal",))).objects
     objects = tuple(

@@ -34,7 +34,6 @@ from texbake.rendering.render import render_scene
 from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.lights import Environment, Lighting
-from texbake.rendering.scene.read import scene_from_materials
 from texbake.rendering.scene.scene import Scene, camera_of, outline
 from texbake.rendering.studio import STUDIO_ROOM
 from texbake.texture.encoding import quantize_srgb
@@ -151,6 +150,8 @@ def model_scene(path: PathLike) -> Scene:
     if file.suffix.lower() in _GLTF:
         scene = read_gltf_scene(file)
     else:
+        from texbake.rendering.scene.read import scene_from_materials
+
         mesh = read_mesh(file)
         materials = read_materials(file, mesh)
         scene = replace(scene_from_materials(mesh, materials), files=(Path(path),))

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
-from texbake.baking.options import THREADS_OPTION
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, Option, option
+from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
 
 # In the order in which they are studied and shown, each with its module in `knobs`.
 KNOB_MODULES = {

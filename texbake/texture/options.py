@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from texbake.mapping.options.shared import MAX_SIZE, Size
-from texbake.schema import CheckedOptions, Option, option
+from texbake.mapping.options.shared import MAX_SIZE
+from texbake.schema import CheckedOptions, Option, Size, option
 
 MIP_KINDS = ("color", "data", "normal")
 MIP_WRAPS = ("repeat", "mirror", "clamp")

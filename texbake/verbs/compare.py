@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, check_distinct, check_picture, present_paths
-from texbake.mapping.options.shared import Size
 from texbake.rendering.options import RenderOptions
-from texbake.schema import Option
+from texbake.schema import Option, Size
 from texbake.verbs.verb import PAGE, REPORT, THREADS, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from texbake.texture.options import (
     NormalToHeightOptions,
 )
 from texbake.verbs.step import n_bytes, step_of
-from texbake.verbs.verb import BITS, THREADS, Options, Reads, Rows, Writes, verb
+from texbake.verbs.verb import THREADS, Options, Reads, Rows, Writes, verb
 
 if TYPE_CHECKING:
     from texbake.texture.cube_files import CubeConversion
@@ -106,7 +106,7 @@ class HeightMapReport:
     Reads("normal", "image"),
     Writes("output", "image", "The height map.", suffixes=DATA_SUFFIXES),
     Options(NormalToHeightOptions),
-    BITS,
+    Options(BakeOptions, "bits", apart=True),
     THREADS,
     examples="""
       texbake normal-to-height bricks_normal.png -o bricks.exr

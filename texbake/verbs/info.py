@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.shared import Size
-from texbake.schema import option
+from texbake.schema import Size, option
 from texbake.verbs.verb import Extra, Options, Reads, Rows, verb
 
 if TYPE_CHECKING:
@@ -19,6 +17,7 @@ if TYPE_CHECKING:
     from texbake.mapping.distortion import Distortion
     from texbake.mesh.files.contents import FileContents
     from texbake.mesh.info import MeshInfo
+    from texbake.mesh.mesh import Mesh
     from texbake.progress import ProgressSink
 
 Table = list[tuple[str, ...]]
@@ -101,9 +100,7 @@ def info_file(
     """
     if size is not None and not uv:
         raise OptionError("size: it is for measuring texture coordinates; give `uv` as well")
-    texture = UnwrapOptions() if size is None else UnwrapOptions(size=size)
     from texbake.jobs.outputs import JobResult
-    from texbake.mapping.distortion import distortion
     from texbake.mesh.files import read_mesh
     from texbake.mesh.files.contents import read_contents
     from texbake.mesh.files.source import parsed_once
@@ -115,11 +112,18 @@ def info_file(
     images = {} if contents is None else contents.images
     info = MeshFileInfo(
         mesh=mesh_info(read),
-        distortion=distortion(read, texture.size) if uv else None,
+        distortion=_distortion(read, size) if uv else None,
         contents=contents,
         image_shapes={name: _shape(data, name) for name, data in images.items()},
     )
     return JobResult(files=(), report=info)
+
+
+def _distortion(mesh: Mesh, size: Size | None) -> Distortion:
+    from texbake.mapping.distortion import distortion
+    from texbake.mapping.options import UnwrapOptions
+
+    return distortion(mesh, (UnwrapOptions() if size is None else UnwrapOptions(size=size)).size)
 
 
 def _shape(data: bytes | None, name: str) -> tuple[int, int, int] | None:

@@ -15,7 +15,7 @@ from texbake.files import PathLike, make_folder
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.schema import Option
 from texbake.verbs.step import FORMAT_OF_IMAGE, IMAGE_FORMATS, READ_FACE, n_faces, n_texels, step_of
-from texbake.verbs.verb import BITS, REPORT, THREADS, Extra, Options, Reads, Writes, verb
+from texbake.verbs.verb import REPORT, THREADS, Extra, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
     from texbake.baking.texture.canvas import TextureBake, TextureReport
@@ -113,7 +113,7 @@ def _ramp(text: str) -> tuple[tuple[float, float, float], ...]:
     ),
     Options(PhotoOptions, "max_angle", "falloff", "feather", "margin", "occlusion", apart=True),
     Options(TextureBakeOptions, without=("threads",), apart=True),
-    BITS,
+    Options(BakeOptions, "bits", apart=True),
     Writes("unseen_map", "picture", "Also draw which texels no photograph shows."),
     REPORT,
     THREADS,

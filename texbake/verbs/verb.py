@@ -19,8 +19,8 @@ from inspect import Parameter, cleandoc, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from texbake.baking.options import BakeOptions
 from texbake.files import appearing_together, check_folder, make_folder
+from texbake.schema import THREADS_OPTION, option
 
 if TYPE_CHECKING:
     from texbake.jobs.outputs import JobResult
@@ -97,8 +97,12 @@ class Extra:
         self.flag, self.help, self.more = flag, help, more
 
 
-THREADS = Options(BakeOptions, "threads", apart=True)
-BITS = Options(BakeOptions, "bits", apart=True)
+@dataclass(frozen=True)
+class _Threads:
+    threads: int | None = option(None, THREADS_OPTION)
+
+
+THREADS = Options(_Threads, "threads", apart=True)
 REPORT = Writes("report", "report", "Also write every setting and figure as JSON.")
 PAGE = Writes(
     "html", "page", "Also write an HTML page with the meshes, their maps, errors and times."

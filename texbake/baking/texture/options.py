@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from texbake.baking.options import FILLS, PADDING_OPTION, SAMPLES, THREADS_OPTION
+from texbake.baking.options import FILLS, PADDING_OPTION, SAMPLES
 from texbake.errors import OptionError
 from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.options.shared import TextureOptions
-from texbake.schema import Option, option
+from texbake.schema import THREADS_OPTION, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters
 
 Rgb = tuple[float, float, float]

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-from texbake.baking.options import CONVENTIONS, THREADS_OPTION
+from texbake.baking.options import CONVENTIONS
 from texbake.errors import OptionError, quoted
-from texbake.schema import CheckedOptions, Option, option
+from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,13 +28,15 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import Projected
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.options.shared import Matrix
 from texbake.mesh.files.source import parse_row, read_lines
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
+
+if TYPE_CHECKING:
+    from texbake.mapping.options import UnwrapOptions
+    from texbake.mapping.options.shared import Matrix
 
 BoolArray = npt.NDArray[np.bool_]
 

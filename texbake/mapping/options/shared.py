@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from numbers import Real
 
 from texbake.errors import OptionError
-from texbake.schema import CheckedOptions, option
+from texbake.schema import CheckedOptions, Size, option
 
 Vector = tuple[float, float, float]
 Matrix = tuple[tuple[float, float, float, float], ...]
@@ -42,8 +42,6 @@ def check_interval(name: str, values: Sequence[float]) -> None:
 
 
 MAX_SIZE = 16384  # texels per side: 2^14, so that what a bake counts in stays within its integers
-
-Size = int | tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,25 +11,20 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from texbake.errors import FileError, TexbakeError
 from texbake.files import PathLike, is_file, read_bytes
 from texbake.limits import file_beside
 from texbake.mesh.files.channels import CHANNEL_OF_FBX, FILE_CHANNELS
-from texbake.mesh.files.fbx_materials import base_layer, first_image
-from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, read_scene
-from texbake.mesh.files.gltf_document import Document, read_document
-from texbake.mesh.files.gltf_materials import (
-    image_bytes,
-    image_source,
-    read_texture,
-)
 from texbake.mesh.files.mtl import IMAGES, VALUES, library_names, library_statements, map_name
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_write import uv_set_names_beside
-from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import unread_parts
+
+if TYPE_CHECKING:
+    from texbake.mesh.files.fbx_scene import FbxObject, FbxScene
+    from texbake.mesh.files.gltf_document import Document
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,18 +56,26 @@ def read_contents(path: PathLike) -> FileContents | None:
     """Read what a glTF, FBX, OBJ or USD file says besides its surface; None for other formats."""
     suffix = Path(path).suffix.lower()
     if suffix in (".gltf", ".glb"):
+        from texbake.mesh.files.gltf_document import read_document
+
         document = read_document(path)
         return replace(_of_gltf(document), passed_over=unread_parts(document))
     if suffix == ".fbx":
+        from texbake.mesh.files.fbx_scene import read_scene
+
         scene = read_scene(path)
         return replace(_of_fbx(scene), passed_over=unread_parts(scene))
     if suffix in (".usd", ".usda", ".usdc", ".usdz"):
+        from texbake.mesh.files.reader_process import read_in_child
+
         contents: FileContents = read_in_child(path, "contents", _CLASSES)
         return contents
     return _of_obj(Path(path)) if suffix == ".obj" else None
 
 
 def _of_gltf(document: Document) -> FileContents:
+    from texbake.mesh.files.gltf_materials import image_bytes, image_source
+
     names = [
         str(image.get("name") or image.get("uri", f"image {i}"))[:80]
         for i, image in enumerate(document.items("images"))
@@ -118,6 +121,8 @@ _OWN_CHANNELS = [
 def _gltf_channels(
     document: Document, material: dict[str, Any], names: list[str]
 ) -> dict[str, str | None]:
+    from texbake.mesh.files.gltf_materials import read_texture
+
     channels: dict[str, str | None] = {}
     for where in _OWN_CHANNELS:
         owner = document.mapping(material, where.owner) if where.owner else material
@@ -219,6 +224,8 @@ def _of_fbx(scene: FbxScene) -> FileContents:
 def _fbx_channels(
     scene: FbxScene, material: FbxObject, images: dict[str, bytes | None]
 ) -> dict[str, str | None]:
+    from texbake.mesh.files.fbx_materials import base_layer, first_image
+
     channels: dict[str, str | None] = {
         channel: None for name, channel in _FBX_CHANNELS.items() if name in material.properties
     }

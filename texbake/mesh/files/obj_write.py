@@ -8,7 +8,6 @@ leave the file as it is, so that it no longer fits once one of them has changed 
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -187,6 +186,8 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
 
 
 def _checksum(faces: IntArray) -> npt.NDArray[np.uint8]:
+    import hashlib  # which few files need
+
     return np.frombuffer(hashlib.sha256(faces.tobytes()).digest(), np.uint8)
 
 

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from texbake.errors import counted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.fbx_scene import (
-    FbxObject,
-    FbxScene,
-    ModelInstance,
-    has_polygons,
-    model_geometry,
-    read_scene,
-)
-from texbake.mesh.files.gltf_document import Document, read_document
+
+if TYPE_CHECKING:
+    from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, ModelInstance
+    from texbake.mesh.files.gltf_document import Document
 
 _NURBS = "NURBS surface"
 # Objects of FBX by the name of their node and their class.
@@ -39,13 +36,17 @@ def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
     Empty for other formats. For a path, those that `warn_of_pose` and `warn_of_fbx` name are left
     out.
     """
-    if isinstance(source, Document | FbxScene):
+    if not isinstance(source, str | os.PathLike):
         return _named(_counts(source))
     suffix = Path(source).suffix.lower()
     counts: Mapping[str, int] = {}
     if suffix in (".gltf", ".glb"):
+        from texbake.mesh.files.gltf_document import read_document
+
         counts = _counts(read_document(source))
     elif suffix == ".fbx":
+        from texbake.mesh.files.fbx_scene import read_scene
+
         counts = _counts(read_scene(source))
     return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
 
@@ -65,6 +66,8 @@ def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
 
     `models` are the visible ones.
     """
+    from texbake.mesh.files.fbx_scene import has_polygons, model_geometry
+
     if (n := warn_of_pose(scene)[_NURBS]) > 0:
         warn_of(scene.path, f"left out {counted(n, _NURBS)}; only polygons are read")
     meshes = set(filter(has_polygons, scene.objects.values()))
@@ -92,6 +95,8 @@ def _is_subdivided(item: FbxObject) -> bool:
 
 
 def _counts(source: Document | FbxScene) -> Mapping[str, int]:
+    from texbake.mesh.files.gltf_document import Document
+
     return _counts_of_gltf(source) if isinstance(source, Document) else _counts_of_fbx(source)
 
 
@@ -108,6 +113,8 @@ def _counts_of_gltf(document: Document) -> dict[str, int]:
 
 
 def _counts_of_fbx(scene: FbxScene) -> Counter[str]:
+    from texbake.mesh.files.fbx_scene import has_polygons
+
     counts: Counter[str] = Counter()
     for item in scene.objects.values():
         name = item.node.name
