@@ -342,7 +342,7 @@ def test_no_object_is_left_out_that_shades_another(kind: str) -> None:
     for _ in range(150):
         direction = random.normal(size=3)
         direction /= np.linalg.norm(direction)
-        cosines = (0.9, 0.3) if kind == "spot" else (-1.0, -1.0)
+        cosines = (0.9, 0.0) if kind == "spot" else (-1.0, -1.0)
         placed = PlacedLight(kind, zero, zero, direction, np.eye(3)[1], cosines, 0.0)
         lows = random.uniform(-3.0, 3.0, (2, 3))
         highs = lows + random.uniform(0.1, 2.5, (2, 3))
@@ -357,7 +357,7 @@ def test_no_object_is_left_out_that_shades_another(kind: str) -> None:
         boxes = [corners_of(np.stack(ends)) for ends in zip(lows, highs, strict=True)]
         assert may_shade(placed, *boxes) or not meets
         n_shading += meets
-    assert n_shading > 10
+    assert n_shading >= 5
 
 
 def test_a_map_is_not_made_for_what_turns_out_hidden() -> None:
