@@ -167,7 +167,7 @@ def test_wrapping_may_differ_along_u_and_v(tmp_path):
 
 
 def test_colors_of_vertices_are_factors_of_a_gltf_base_color(tmp_path):
-    colors = np.random.default_rng(7).random((8, 3))
+    colors = np.random.default_rng(7).random((8, 4))
     write_mesh(cube().replace(colors=colors), tmp_path / "a.glb")
     path = tmp_path / "a.glb"
     mesh = read_mesh(path)
@@ -177,13 +177,14 @@ def test_colors_of_vertices_are_factors_of_a_gltf_base_color(tmp_path):
     values = bake(
         mesh,
         low.replace(positions=(low.positions - 0.5) * 0.9 + [0, 0, 0.5]),
-        BakeOptions(maps=("base-color", "vertex-color"), size=16, front=1.0, back=1.0),
+        BakeOptions(maps=("base-color", "vertex-color", "roughness"), size=16, front=1.0, back=1.0),
         materials=materials,
     ).maps
     assert np.ptp(values["base-color"].values) > 0.3
     np.testing.assert_allclose(
         values["base-color"].values, values["vertex-color"].values, atol=1e-6
     )
+    assert np.ptp(values["roughness"].values) == 0.0
 
 
 @pytest.mark.parametrize(("channel", "is_color"), [("roughness", False), ("emissive", True)])

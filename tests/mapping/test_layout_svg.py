@@ -146,6 +146,8 @@ def test_the_scale_lies_below_the_picture_with_its_figures_at_their_places() -> 
         for label, share in (("0.5", 0.0), ("0.7", 0.25), ("1", 0.5), ("1.4", 0.75), ("2", 1.0)):
             assert texts[label] == pytest.approx(left + share * width, abs=0.5 / UNITS)
         assert ("compressed" in texts) == (size == 960)
+        heights = [float(item.attrib["y"]) / UNITS for item in scale if item.text]
+        assert size < min(heights) and max(heights) < size + 3 * letters
         stops = [stop.attrib["stop-color"] for item in scale for stop in item]
         assert [stops[i] for i in (0, 8, 16)] == [
             "#" + "".join(f"{round(255 * c):02x}" for c in heat_color(s)) for s in (0.5, 1.0, 2.0)
@@ -174,6 +176,10 @@ def test_tiles_are_named() -> None:
     boxes = [item.attrib for item in found["tiles"] if item.tag == f"{SVG}rect"]
     sides = [[int(box[name]) // 8192 for name in ("x", "y", "width", "height")] for box in boxes]
     assert sides == [[0, 1, 1, 1], [1, 1, 1, 1], [0, 0, 1, 1], [1, 0, 1, 1]]
+    words = [text.attrib for text in found["tiles"] if text.tag == f"{SVG}text"]
+    corners = [[int(word[name]) / 8192 for name in ("x", "y")] for word in words]
+    assert [[int(place) for place in corner] for corner in corners] == [s[:2] for s in sides]
+    assert np.min(np.array(corners) % 1.0) > 0.0
     (chart,) = found["charts"]
     corners = walks(chart)[0]
     assert (corners.min(axis=0).tolist(), corners.max(axis=0).tolist()) == ([256, 0], [512, 256])
