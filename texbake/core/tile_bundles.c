@@ -6,7 +6,9 @@
    texel. How it deviates is measured at the two planes between which the rays run; between the
    planes, the bounds are linear in depth. A box outside the bounds of the bundle is skipped, and for
    a triangle the function gives the few columns and rows of texels whose rays can meet it. All these
-   bounds only skip what no ray can hit.
+   bounds only skip what no ray can hit. Rays that diverge, as those of a rough low-poly surface do,
+   take only the leaves from that walk; each is then tested alone, against the boxes of these leaves
+   and eight triangles at a time.
 
    A ray is tested against a triangle as in ray_triangle.h. The nearest hit counts; of equally near
    hits, the one on the lowest face. So a hit depends only on the ray and the triangles, not on the
@@ -23,21 +25,16 @@
 
 #include "arena.h"
 #include "core.h"
-#include "morton_tree.h"
-#include "numbers.h"
-#include "ray_triangle.h"
+#include "ray_walk.h"
 
 #define SIDE 16
 #define RAYS (SIDE * SIDE)
 #define LANES 4 /* rays tested together */
 #define PLACES (RAYS + LANES) /* the lanes may go beyond the last row */
 #define NO_HIT (-1)
-#define STACK (MAX_LEVELS * WIDTH + 1)
-/* Rays diverge if they deviate by this share of a bundle's width from what follows the places. A bundle
-   of them is divided after so much work per ray, in tests of LANES rays. */
-#define DIVERGENT 0.25
-#define MOST_WORK 24
-#define WORK_OF_LEAF 2 /* to find out which of its triangles to test */
+/* Rays diverge if they deviate by this share of a bundle's width from what follows the places. They are
+   then cast one by one into the leaves that the bundle can meet. */
+#define DIVERGENT 0.75
 /* Planes are moved apart by this, in local units, so that they never coincide. */
 #define APART 1e-6
 /* Of a coordinate: what float32 may err in the sums of the walk, and more. */
@@ -68,7 +65,6 @@ struct bundle {
     double doubt;      /* an edge whose sign is uncertain is at most this */
     double far;        /* no ray goes beyond this depth, counted in its direction */
     int n_new;         /* hits since `far` was computed */
-    int64_t work;      /* done so far, in tests of LANES rays */
     struct axis across, down;
     int rays[PLACES];  /* ray of each place, or NO_HIT */
     double x[PLACES], y[PLACES], z[PLACES], slope_x[PLACES], slope_y[PLACES], along[PLACES];
@@ -82,16 +78,6 @@ struct rays {
     const double *lengths;
     const int32_t (*places)[2];
     const int32_t *charts;
-};
-
-struct tree {
-    int64_t n_leaves;
-    const leaf *leaves;
-    const int32_t (*ids)[WIDTH];
-    const node *nodes;
-    int n_levels;
-    int64_t starts[MAX_LEVELS]; /* first node of each level */
-    double box[6];              /* of all triangles */
 };
 
 struct results {
@@ -139,14 +125,12 @@ static struct line line_through(const double planes[2], double first, double sec
     return (struct line){first - slope * planes[0], slope};
 }
 
-/* Where the line of the ray at a place of the bundle meets a triangle. */
-static struct crossing intersect_slot(
-    const struct bundle *bundle, int place, const struct tree *tree, int64_t slot)
+/* The line of the ray at a place of a bundle. */
+static inline struct ray_line line_at(const struct bundle *bundle, int place)
 {
-    const struct ray_line line = {
+    return (struct ray_line){
         bundle->x[place], bundle->y[place], bundle->z[place],
         bundle->slope_x[place], bundle->slope_y[place], bundle->along[place]};
-    return intersect(&line, bundle->order, tree->leaves[slot / WIDTH], slot % WIDTH);
 }
 
 /* Rays that a triangle is tested against, `LANES` at a time, from a place on. */
@@ -156,28 +140,37 @@ struct tests {
     double distances[RAYS / LANES][LANES];
 };
 
-/* Keep a hit if it is the nearest. */
-static inline void keep_hit(
-    struct bundle *bundle, int place, double distance, bool is_front, const struct tree *tree,
-    int64_t slot, const struct results *results)
+/* Whether a crossing is the nearest hit of a ray so far; then its face and distance are written. */
+static inline bool is_nearest(
+    int64_t i, double length, double *nearest, double distance, bool is_front,
+    const struct ray_tree *tree, int64_t slot, const struct results *results)
 {
-    const int64_t i = bundle->rays[place];
-    if (i < 0 || !(distance >= 0.0 && distance <= bundle->lengths[place]))
-        return;
+    if (!(distance >= 0.0 && distance <= length))
+        return false;
     if (!is_front) {
         results->backs[i] = min_f64(results->backs[i], distance);
         if (results->cull)
-            return;
+            return false;
     }
-    if (distance > bundle->nearest[place])
-        return;
     const int32_t face = tree->ids[slot / WIDTH][slot % WIDTH];
-    if (distance < bundle->nearest[place] || face < results->faces[i]) {
-        bundle->nearest[place] = distance;
-        results->faces[i] = face;
-        bundle->slots[place] = slot;
-        bundle->n_new++;
-    }
+    if (!(distance < *nearest || (distance == *nearest && face < results->faces[i])))
+        return false;
+    *nearest = distance;
+    results->faces[i] = face;
+    return true;
+}
+
+/* Keep a hit of a ray of a bundle if it is the nearest. */
+static inline void keep_hit(
+    struct bundle *bundle, int place, double distance, bool is_front, const struct ray_tree *tree,
+    int64_t slot, const struct results *results)
+{
+    const int64_t i = bundle->rays[place];
+    if (i < 0 || !is_nearest(i, bundle->lengths[place], &bundle->nearest[place], distance, is_front,
+                             tree, slot, results))
+        return;
+    bundle->slots[place] = slot;
+    bundle->n_new++;
 }
 
 /* Test the rays from a place on against a triangle. */
@@ -209,7 +202,7 @@ static inline void test_lanes(
 /* Test the rays of some columns and rows against one triangle. Those for which rounding could matter
    are tested again, exactly. */
 static void test_triangle(
-    struct bundle *bundle, const int columns[2], const int rows[2], const struct tree *tree,
+    struct bundle *bundle, const int columns[2], const int rows[2], const struct ray_tree *tree,
     int64_t slot, const struct results *results)
 {
     const double (*corners)[WIDTH] = tree->leaves[slot / WIDTH];
@@ -223,7 +216,6 @@ static void test_triangle(
     for (int row = rows[0]; row <= rows[1]; row++)
         for (int column = columns[0]; column <= columns[1]; column += LANES)
             test_lanes(bundle, row * SIDE + column, triangle, &tests);
-    bundle->work += tests.n;
     const double *least = tests.least[0], *most = tests.most[0], *distances = tests.distances[0];
     int chosen[RAYS], n = 0;
     for (int j = 0; j < tests.n * LANES; j++) { /* without a jump, which would be predicted badly */
@@ -236,7 +228,8 @@ static void test_triangle(
             keep_hit(bundle, place, distances[j], least[j] > doubt, tree, slot, results);
             continue;
         }
-        const struct crossing hit = intersect_slot(bundle, place, tree, slot);
+        const struct ray_line line = line_at(bundle, place);
+        const struct crossing hit = intersect(&line, bundle->order, corners, slot % WIDTH);
         if (hit.total != 0.0)
             keep_hit(bundle, place, hit.distance, hit.total > 0.0, tree, slot, results);
     }
@@ -285,13 +278,12 @@ static inline void find_ranges(
 
 /* Test the triangles of a leaf that lies between two depths. */
 static void test_leaf(
-    struct bundle *bundle, const struct tree *tree, int64_t at, double near, double far,
+    struct bundle *bundle, const struct ray_tree *tree, int64_t at, double near, double far,
     const struct results *results)
 {
     const double (*corners)[WIDTH] = tree->leaves[at];
     near = max_f64(near, bundle->planes[0]);
     far = max_f64(min_f64(far, bundle->planes[1]), near);
-    bundle->work += WORK_OF_LEAF;
     int left[WIDTH], right[WIDTH], top[WIDTH], bottom[WIDTH], chosen[WIDTH], n = 0;
     find_ranges(
         &bundle->across, corners, bundle->order, near, far, bundle->n_columns - 1, left, right);
@@ -338,7 +330,7 @@ static void bound_walk(const struct bundle *bundle, struct beam *beam)
 }
 
 /* Which of the boxes of a node the beam can meet, as bits. */
-static inline unsigned meets(const struct beam *beam, const node boxes, int z)
+static inline unsigned beam_meets(const struct beam *beam, const node boxes, int z)
 {
     int32_t hit[WIDTH];
     for (int k = 0; k < WIDTH; k++) {
@@ -382,23 +374,107 @@ static void update_far(struct bundle *bundle)
     bundle->n_new = 0;
 }
 
+/* A ray that is cast alone. */
+struct alone {
+    struct walk walk;
+    double length;
+    int64_t i;
+    int64_t slot; /* of the hit found in this call, or NO_HIT */
+};
+
+static void start_alone(
+    struct alone *alone, int64_t i, const struct ray_tree *tree, const struct rays *rays)
+{
+    const double *o = rays->origins[i], *d = rays->directions[i], length = rays->lengths[i];
+    const struct single_ray ray = {{o[0], o[1], o[2]}, {d[0], d[1], d[2]}, length};
+    start_walk(&alone->walk, tree, &ray);
+    alone->length = length;
+    alone->i = i;
+    alone->slot = NO_HIT;
+}
+
+/* Where a ray ends, or where it has hit something. */
+static inline float end_of(const struct alone *alone, const struct results *results)
+{
+    return lengthened(min_f64(alone->length, results->nearest[alone->i]));
+}
+
+/* Test the triangles of a leaf against a ray. */
+static inline void test_alone(
+    struct alone *alone, int64_t at, const struct ray_tree *tree, const struct results *results)
+{
+    const struct walk *walk = &alone->walk;
+    const double (*corners)[WIDTH] = tree->leaves[at];
+    for (unsigned bits = may_cross(walk, corners); bits; bits &= bits - 1) {
+        const int k = __builtin_ctz(bits);
+        const int64_t slot = at * WIDTH + k;
+        const struct crossing hit = intersect(&walk->line, walk->order, corners, k);
+        if (hit.total != 0.0 &&
+            is_nearest(alone->i, alone->length, &results->nearest[alone->i], hit.distance,
+                       hit.total > 0.0, tree, slot, results))
+            alone->slot = slot;
+    }
+}
+
+#define MOST_LEAVES 128
+
+/* Rays that diverge, and leaves to test against them. */
+struct batch {
+    struct alone rays[RAYS];
+    int n_leaves;
+    int64_t leaves[MOST_LEAVES];
+    node boxes[MOST_LEAVES / WIDTH]; /* of the leaves; empty ones after the last */
+};
+
+static void add_leaf(struct batch *batch, const struct ray_tree *tree, int64_t at)
+{
+    const int k = batch->n_leaves % WIDTH;
+    float (*boxes)[WIDTH] = batch->boxes[batch->n_leaves / WIDTH];
+    for (int row = 0; row < 6; row++) {
+        if (k == 0)
+            for (int empty = 0; empty < WIDTH; empty++)
+                boxes[row][empty] = row < 3 ? INFINITY : -INFINITY;
+        boxes[row][k] = tree->levels[0][at / WIDTH][row][at % WIDTH];
+    }
+    batch->leaves[batch->n_leaves++] = at;
+}
+
+/* Test the first rays of a batch against its leaves, which are then removed. */
+static void test_batch(
+    struct batch *batch, int n, const struct ray_tree *tree, const struct results *results)
+{
+    for (int j = 0; j < n; j++) {
+        struct alone *alone = &batch->rays[j];
+        for (int first = 0; first < batch->n_leaves; first += WIDTH) {
+            float nears[WIDTH];
+            unsigned bits = meets(
+                &alone->walk, batch->boxes[first / WIDTH], end_of(alone, results), nears);
+            for (; bits; bits &= bits - 1) {
+                const int k = __builtin_ctz(bits);
+                if (nears[k] <= end_of(alone, results))
+                    test_alone(alone, batch->leaves[first + k], tree, results);
+            }
+        }
+    }
+    batch->n_leaves = 0;
+}
+
 /* Ask for the memory of a node, or of a leaf below level 0, before it is needed. */
-static inline void fetch_early(const struct tree *tree, int level, int64_t at)
+static inline void fetch_early(const struct ray_tree *tree, int level, int64_t at)
 {
     const char *first = level < 0 ? (const char *)tree->leaves[at]
-                                  : (const char *)tree->nodes[tree->starts[level] + at];
+                                  : (const char *)tree->levels[level][at];
     const size_t size = level < 0 ? sizeof(leaf) : sizeof(node);
     for (size_t line = 0; line < size; line += 64)
         __builtin_prefetch(first + line);
 }
 
-/* Walk the tree, the nearer boxes first. False if the rays diverge so much that it was given up; the
-   hits found by then are hits, but maybe not the nearest. */
-static bool walk(
-    struct bundle *bundle, const struct tree *tree, const struct results *results)
+/* Walk the tree, the nearer boxes first. With a batch, its rays are tested against the leaves, some
+   leaves at a time; the last ones are left in it. */
+static void walk(
+    struct bundle *bundle, struct batch *batch, const struct ray_tree *tree,
+    const struct results *results)
 {
-    const bool diverges = max_f64(bundle->across.deviation, bundle->down.deviation) > DIVERGENT;
-    const int64_t most_work = diverges && bundle->n > 1 ? MOST_WORK * bundle->n : INT64_MAX;
     struct beam beam;
     bound_walk(bundle, &beam);
     const int z = bundle->order[2];
@@ -414,15 +490,24 @@ static bool walk(
         if (stack[depth].near > bundle->far)
             continue;
         if (level < 0) {
-            test_leaf(bundle, tree, at, stack[depth].low, stack[depth].high, results);
-            if (bundle->work > most_work)
-                return false;
+            if (!batch) {
+                test_leaf(bundle, tree, at, stack[depth].low, stack[depth].high, results);
+                continue;
+            }
+            add_leaf(batch, tree, at);
+            if (batch->n_leaves == MOST_LEAVES) {
+                test_batch(batch, bundle->n, tree, results);
+                for (int place = 0; place < bundle->n_rows * SIDE; place++)
+                    if (bundle->rays[place] != NO_HIT)
+                        bundle->nearest[place] = results->nearest[bundle->rays[place]];
+                update_far(bundle);
+            }
             continue;
         }
         if (bundle->n_new > bundle->n / 2)
             update_far(bundle);
-        const float (*boxes)[WIDTH] = tree->nodes[tree->starts[level] + at];
-        unsigned bits = meets(&beam, boxes, z);
+        const float (*boxes)[WIDTH] = tree->levels[level][at];
+        unsigned bits = beam_meets(&beam, boxes, z);
         const int bottom = depth;
         for (; bits; bits &= bits - 1) {
             const int k = __builtin_ctz(bits);
@@ -438,7 +523,6 @@ static bool walk(
             stack[place].high = boxes[3 + z][k];
         }
     }
-    return true;
 }
 
 /* How two coordinates of the rays, halfway along, change from column to column and row to row. */
@@ -613,10 +697,10 @@ static void measure_axis(const struct bundle *bundle, struct axis *axis, bool is
 /* Write the weights and the distance of a hit, by Cramer's rule. A triangle seen so edge-on that the
    determinant vanishes keeps those of the test. */
 static void refine(
-    const struct bundle *bundle, int place, const struct tree *tree, const struct rays *rays,
-    const struct results *results)
+    int64_t i, int64_t slot, const struct ray_line *line, const int order[3],
+    const struct ray_tree *tree, const struct rays *rays, const struct results *results)
 {
-    const int64_t i = bundle->rays[place], slot = bundle->slots[place], k = slot % WIDTH;
+    const int64_t k = slot % WIDTH;
     const double (*corners)[WIDTH] = tree->leaves[slot / WIDTH];
     const double ax = corners[0][k], ay = corners[1][k], az = corners[2][k];
     const double bx = corners[3][k] - ax, by = corners[4][k] - ay, bz = corners[5][k] - az;
@@ -628,7 +712,7 @@ static void refine(
     const double qx = dy * oz - dz * oy, qy = dz * ox - dx * oz, qz = dx * oy - dy * ox;
     const double slope = -(dx * nx + dy * ny + dz * nz);
     if (fabs(slope) <= 1e-12 * (fabs(nx) + fabs(ny) + fabs(nz))) {
-        const struct crossing hit = intersect_slot(bundle, place, tree, slot);
+        const struct crossing hit = intersect(line, order, corners, k);
         results->barycentrics[i][0] = hit.second / hit.total;
         results->barycentrics[i][1] = hit.third / hit.total;
         results->distances[i] = hit.distance;
@@ -727,12 +811,10 @@ static void rank_rays(
 
 /* Planes between which the rays run within the box of the triangles, and how uncertain an edge can be.
    False where the rays do not reach the box. */
-static bool place_planes(struct bundle *bundle, const struct tree *tree)
+static bool place_planes(struct bundle *bundle, const struct ray_tree *tree)
 {
     const int z = bundle->order[2];
-    double low[SIDE], sideways[SIDE] = {0}, size = 0.0;
-    for (int k = 0; k < 6; k++)
-        size = max_f64(size, fabs(tree->box[k]));
+    double low[SIDE], sideways[SIDE] = {0};
     for (int k = 0; k < SIDE; k++)
         low[k] = 1e300;
     for (int row = 0; row < bundle->n_rows; row++)
@@ -746,7 +828,7 @@ static bool place_planes(struct bundle *bundle, const struct tree *tree)
         }
     /* A corner is at most this far from a ray, along x or y; a product is at most its square, and the
        sign of a difference of two is certain beyond 4 roundings of each. */
-    const double reach = greatest_of(sideways) + 2.0 * size, first = least_of(low);
+    const double reach = greatest_of(sideways) + 2.0 * tree->size, first = least_of(low);
     bundle->doubt = 1e-15 * reach * reach;
     update_far(bundle);
     const double start = bundle->descending ? -bundle->far : first;
@@ -765,7 +847,6 @@ static void load_bundle(
         rank_rays(n, chosen, rays, bundle->order[0], bundle->order[1], places);
     bool taken[RAYS] = {false};
     bundle->n = (int)n;
-    bundle->work = 0;
     bundle->n_columns = bundle->n_rows = 0;
     for (int64_t k = 0; k < n; k++) {
         if (rays->places)
@@ -789,35 +870,56 @@ static void load_bundle(
     bundle->fitted = n == RAYS ? 4 : 1;
 }
 
-/* Sort rays by the half of their columns or rows in which they are, whichever are more, and return how
-   many are in the first half. */
-static int64_t divide(int64_t n, int64_t *chosen, const int places[RAYS])
+/* Write the weights and the distance of the hit of a ray that was cast alone. */
+static void refine_alone(
+    const struct alone *alone, const struct ray_tree *tree, const struct rays *rays,
+    const struct results *results)
 {
-    int low[2] = {SIDE, SIDE}, high[2] = {0, 0};
-    for (int64_t k = 0; k < n; k++) {
-        const int at[2] = {places[k] % SIDE, places[k] / SIDE};
-        for (int a = 0; a < 2; a++) {
-            low[a] = at[a] < low[a] ? at[a] : low[a];
-            high[a] = at[a] > high[a] ? at[a] : high[a];
-        }
-    }
-    const bool is_row = high[1] - low[1] >= high[0] - low[0];
-    const int last = (low[is_row] + high[is_row]) / 2;
-    int64_t second[RAYS], n_first = 0, n_second = 0;
-    for (int64_t k = 0; k < n; k++)
-        if ((is_row ? places[k] / SIDE : places[k] % SIDE) <= last)
-            chosen[n_first++] = chosen[k];
-        else
-            second[n_second++] = chosen[k];
-    memcpy(chosen + n_first, second, (size_t)n_second * sizeof *chosen);
-    return n_first;
+    const struct walk *walk = &alone->walk;
+    if (alone->slot != NO_HIT)
+        refine(alone->i, alone->slot, &walk->line, walk->order, tree, rays, results);
 }
 
-/* Cast up to RAYS rays of one heading; rays that diverge too much are cast in smaller bundles.
-   `bundle` is scratch memory. */
+/* Cast a ray that has no neighbors. */
+static void cast_alone(
+    int64_t i, const struct ray_tree *tree, const struct rays *rays, const struct results *results)
+{
+    struct alone alone;
+    start_alone(&alone, i, tree, rays);
+    struct place stack[STACK];
+    stack[0] = (struct place){tree->n_levels - 1, 0, 0.0f};
+    for (int depth = 1; depth > 0;) {
+        const struct place place = stack[--depth];
+        const float end = end_of(&alone, results);
+        if (place.near > end)
+            continue;
+        if (place.level >= 0)
+            depth = push_nearest(&alone.walk, tree, place, end, stack, depth);
+        else
+            test_alone(&alone, place.at, tree, results);
+    }
+    refine_alone(&alone, tree, rays, results);
+}
+
+/* Cast the rays of a bundle one by one. */
+static void cast_batch(
+    int64_t n, const int64_t *chosen, const struct ray_tree *tree, const struct rays *rays,
+    const struct results *results, struct bundle *bundle, struct batch *batch)
+{
+    batch->n_leaves = 0;
+    for (int64_t k = 0; k < n; k++)
+        start_alone(&batch->rays[k], chosen[k], tree, rays);
+    walk(bundle, batch, tree, results);
+    test_batch(batch, (int)n, tree, results);
+    for (int64_t k = 0; k < n; k++)
+        refine_alone(&batch->rays[k], tree, rays, results);
+}
+
+/* Cast up to RAYS rays of one heading. `bundle` and `batch` are scratch memory. */
 static void cast_bundle(
-    int64_t n, int64_t *chosen, int direction, const struct tree *tree, const struct rays *rays,
-    const struct results *results, struct bundle *bundle)
+    int64_t n, int64_t *chosen, int direction, const struct ray_tree *tree,
+    const struct rays *rays, const struct results *results, struct bundle *bundle,
+    struct batch *batch)
 {
     const int z = direction / 2, next = (z + 1) % 3, other = (z + 2) % 3;
     bundle->descending = direction % 2;
@@ -835,23 +937,24 @@ static void cast_bundle(
     choose_axes(bundle);
     measure_axis(bundle, &bundle->across, false);
     measure_axis(bundle, &bundle->down, true);
-    const bool is_done = walk(bundle, tree, results);
+    if (!(max_f64(bundle->across.deviation, bundle->down.deviation) <= DIVERGENT)) {
+        cast_batch(n, chosen, tree, rays, results, bundle, batch);
+        return;
+    }
+    walk(bundle, NULL, tree, results);
     for (int64_t k = 0; k < n; k++) {
         results->nearest[chosen[k]] = bundle->nearest[places[k]];
-        if (bundle->slots[places[k]] >= 0)
-            refine(bundle, places[k], tree, rays, results);
+        if (bundle->slots[places[k]] >= 0) {
+            const struct ray_line line = line_at(bundle, places[k]);
+            refine(chosen[k], bundle->slots[places[k]], &line, bundle->order, tree, rays, results);
+        }
     }
-    if (is_done)
-        return;
-    const int64_t n_first = divide(n, chosen, places);
-    cast_bundle(n_first, chosen, direction, tree, rays, results, bundle);
-    cast_bundle(n - n_first, chosen + n_first, direction, tree, rays, results, bundle);
 }
 
 /* Cast rays that stand together, in one bundle for each chart and heading. */
 static void cast_together(
-    int64_t first, int64_t end, const struct tree *tree, const struct rays *rays,
-    const struct results *results, struct bundle *bundle)
+    int64_t first, int64_t end, const struct ray_tree *tree, const struct rays *rays,
+    const struct results *results, struct bundle *bundle, struct batch *batch)
 {
     int headings[RAYS];
     for (int64_t i = first; i < end; i++)
@@ -867,7 +970,10 @@ static void cast_together(
                 headings[j - first] = -1;
                 chosen[n++] = j;
             }
-        cast_bundle(n, chosen, direction, tree, rays, results, bundle);
+        if (n > 1)
+            cast_bundle(n, chosen, direction, tree, rays, results, bundle, batch);
+        else
+            cast_alone(i, tree, rays, results);
     }
 }
 
@@ -887,9 +993,8 @@ EXPORT int64_t cast_bundles(
 {
     OPEN_ARENA(arena);
     struct bundle *bundle = TAKE(arena, struct bundle, 1); /* too large for the stack of a thread */
-    struct tree tree = {n_leaves, leaves, ids, nodes, (int)n_levels, {0}, {0}};
-    memcpy(tree.starts, starts, (size_t)min_i64(n_levels, MAX_LEVELS) * sizeof *starts);
-    memcpy(tree.box, box, sizeof tree.box);
+    struct batch *batch = TAKE(arena, struct batch, 1);
+    const struct ray_tree tree = ray_tree_of(leaves, ids, nodes, n_levels, starts, box);
     const struct rays rays = {origins, directions, lengths, places, charts};
     const struct results results = {cull, nearest, backs, barycentrics, distances, faces};
     for (int64_t first = 0, end; first < n && n_leaves > 0; first = end) {
@@ -898,7 +1003,7 @@ EXPORT int64_t cast_bundles(
             if (places && ((places[end][0] ^ places[first][0]) & -SIDE ||
                            (places[end][1] ^ places[first][1]) & -SIDE))
                 break;
-        cast_together(first, end, &tree, &rays, &results, bundle);
+        cast_together(first, end, &tree, &rays, &results, bundle, batch);
     }
     for (int64_t i = 0; i < n; i++)
         passed_back[i] = backs[i] <= (faces[i] == NO_HIT ? lengths[i] : nearest[i]) && lengths[i] > 0;
