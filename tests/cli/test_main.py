@@ -48,6 +48,8 @@ def test_help_fits_a_terminal_and_has_examples_that_parse(name: str) -> None:
     assert command.get_short_help_str(200) == listed.get_short_help_str(200)
     result = CliRunner().invoke(texbake, [name, "--help"])
     assert result.exit_code == 0 and max(map(len, result.output.splitlines())) <= 100
+    others = result.output.partition("--help-all describes:\n")[2].partition("\n\n")[0]
+    assert re.findall(r"(?<!\S)-[^-]", others) == []
     examples = examples_in(result.output)
     assert examples
     for example in examples:

@@ -105,6 +105,24 @@ def test_normals_in_object_space_turn_with_the_object(transform):
     np.testing.assert_allclose(still, np.broadcast_to(texel, still.shape), atol=1e-6)
 
 
+@pytest.mark.parametrize("rotate", [(20, 30, 40), (-70, 50, 10)])
+def test_relief_turns_with_the_object(rotate):
+    texel = np.array((0.36, 0.48, 0.8), np.float32)
+    image = ImageTexture(image=np.broadcast_to(texel, (2, 2, 3)).copy())
+    turn = transform_matrix(rotate=rotate)
+    material = Material(normal_map=NormalMap(texture=image))
+    item = SceneObject(mesh=plane(), material=material, transform=turn)
+    eye, target = (turn[:3, :3] @ point for point in ((0.3, 0.7, 2.0), (0.5, 0.5, 0.0)))
+    camera = Camera.looking_at(tuple(eye), tuple(target), fov=0.7, near=0.01)
+    scene = Scene(objects=(item,), lighting=LIT)
+    options = RenderOptions(width=32, height=32, supersampling=1)
+    frame = draw(prepare(scene, options), camera, keep=("normals",))
+    found = frame.normals[frame.coverage == 1.0]
+    assert len(found) > 150
+    expected = np.broadcast_to(turn[:3, :3] @ texel, found.shape)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
 def test_an_object_and_its_mirror_image_are_lit_as_mirror_images():
     # With a tangent-space map, whose relief must stay on the same side of the surface.
     mesh = plane(2, 2)
