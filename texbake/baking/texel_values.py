@@ -153,25 +153,29 @@ class ChartPadding:
         has_data: npt.NDArray[np.bool_],
         options: BakeOptions | TextureBakeOptions,
     ) -> None:
-        missed = (texel_charts >= 0) & ~has_data
+        is_free = texel_charts < 0
+        missed = ~(is_free | has_data)
         self._missed = np.flatnonzero(missed)
         self.n_missed = len(self._missed)  # covered texels without a hit
         self._options = options
         self._has_data = has_data
-        self._valid = has_data
+        self._valid = has_data  # sources of the fill
         # Texels of the padding, and the texel from which each one takes its value.
         self._targets: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
         self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
         self.n_meeting = 0  # texels where the padding of two charts meets
         if options.padding > 0:
-            sources = np.where(missed, np.int32(NO_FACE), texel_charts)
+            sources = texel_charts
+            if self.n_missed:
+                sources = np.where(missed, np.int32(NO_FACE), texel_charts)
             owners = nearest_owner(sources, options.padding, threads=options.threads)
             self.n_meeting = owners.n_meeting
-            self._targets = np.flatnonzero((owners.indices >= 0) & (texel_charts < 0)).astype(
-                np.int64, copy=False
-            )
+            has_owner = owners.indices >= 0
+            if options.fill == "push-pull":
+                self._valid = has_owner & ~missed
+            has_owner &= is_free
+            self._targets = np.flatnonzero(has_owner).astype(np.int64, copy=False)
             self._sources = owners.indices.ravel()[self._targets]
-            self._valid = (owners.indices >= 0) & ~missed
 
     def pad(
         self,

@@ -73,7 +73,7 @@ def png_parts(
     return parts
 
 
-def _chunk(kind: bytes, data: bytes) -> bytes:
+def _chunk(kind: bytes, data: bytes | memoryview) -> bytes:
     checksum = zlib.crc32(data, zlib.crc32(kind))
     return b"".join((struct.pack(">I", len(data)), kind, data, struct.pack(">I", checksum)))
 
@@ -98,11 +98,11 @@ def _compressed(codes: npt.NDArray[Any], threads: int | None) -> list[bytes]:
         )  # fmt: skip
         number = start // band
         sums[number] = int(halves[1]) << 16 | int(halves[0]), (stop - start) * (n_row_bytes + 1)
-        part = out[:n_bytes].tobytes()
+        part: bytes | memoryview = out[:n_bytes].data
         if start == 0:
             part = b"\x78\x01" + part
         # The last chunk waits for the checksum of all.
-        chunks[number] = part if stop == height else _chunk(b"IDAT", part)
+        chunks[number] = bytes(part) if stop == height else _chunk(b"IDAT", part)
 
     run_bands(work, height, band=band, threads=threads)
     checksum = 1
