@@ -41,6 +41,14 @@ def test_what_faces_inwards_is_turned_over(share):
     assert f"flipped {int(turned.sum()):,} triangles, which faced inwards" in warning
 
 
+@pytest.mark.parametrize("scale", [0.97, 1.03])
+def test_what_faces_inwards_beside_the_low_poly_mesh_is_turned_over(scale):
+    high = dented()
+    high = flipped(high.replace(positions=scale * high.positions))
+    report = bake(high, uv_sphere(24, 36), OPTIONS).report
+    assert report.orientation is not None and report.orientation.n_faces == high.n_faces
+
+
 def test_one_part_of_several():
     apart = uv_sphere(8, 12)
     apart = apart.replace(positions=apart.positions + np.array([4.0, 0.0, 0.0]))
