@@ -14,6 +14,7 @@ from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.mesh.topology import (
     duplicate_faces,
+    edge_neighbors,
     euler_characteristic,
     face_components,
     find_edges,
@@ -77,6 +78,25 @@ def test_against_counting_one_by_one(faces):
         assert (components == component).tolist() == same
     firsts = [components.tolist().index(number) for number in range(n_components)]
     assert firsts == sorted(firsts)
+
+
+@given(hnp.arrays(np.int32, st.tuples(st.integers(0, 40), st.just(3)), elements=st.integers(0, 9)))
+def test_neighbors_against_pairing_one_by_one(faces):
+    of_edges = {}
+    for half_edge, tail in enumerate(faces.ravel().tolist()):
+        face, corner = divmod(half_edge, 3)
+        head = int(faces[face, (corner + 1) % 3])
+        of_edges.setdefault((min(tail, head), max(tail, head)), []).append((face, tail, head))
+    in_order = [of_edges[edge] for edge in sorted(of_edges)]
+    pairs = [
+        (one[0], other[0], one[1] == other[2])
+        for one, other in (at_edge for at_edge in in_order if len(at_edge) == 2)
+    ]
+    found = edge_neighbors(faces)
+    columns = found.first.tolist(), found.second.tolist(), found.agree.tolist()
+    assert list(zip(*columns, strict=True)) == pairs
+    others = [face for at_edge in in_order if len(at_edge) != 2 for face, *_ in at_edge]
+    assert found.at_other_edges.tolist() == others
 
 
 def test_genus_is_the_sum_over_components():

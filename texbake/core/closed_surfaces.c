@@ -152,6 +152,66 @@ EXPORT int64_t has_pinched_vertex(
     return is_pinched;
 }
 
+/* One end of the edge that starts at a corner (3 face + corner): the lesser or the greater number. */
+static inline int32_t end_of(const int32_t *faces, int64_t corner, bool is_lesser)
+{
+    const int32_t tail = faces[corner], head = faces[corner % 3 == 2 ? corner - 2 : corner + 1];
+    return (tail < head) == is_lesser ? tail : head;
+}
+
+/* Sort corners by one end of their edges; equal ones keep their order, which is that of the corners if
+   `source` is NULL. `places` has n_vertices + 1. */
+static void sort_by_end(
+    int64_t n_vertices, int64_t n, const int32_t *faces, bool is_lesser, const int32_t *source,
+    int32_t *target, int32_t *places)
+{
+    memset(places, 0, (size_t)(n_vertices + 1) * sizeof *places);
+    for (int64_t corner = 0; corner < n; corner++)
+        places[end_of(faces, corner, is_lesser) + 1]++;
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++)
+        places[vertex + 1] += places[vertex];
+    for (int64_t i = 0; i < n; i++) {
+        const int32_t corner = source ? source[i] : (int32_t)i;
+        target[places[end_of(faces, corner, is_lesser)]++] = corner;
+    }
+}
+
+/* List pairs of faces at the edges of exactly two, in the order of the edges' ends, whether the two run
+   along the edge in opposite directions, and the faces at all other edges. `counts` are how many. */
+EXPORT int64_t pair_faces(
+    int64_t n_vertices, int64_t n_corners, int64_t n_most, const int32_t faces[n_corners],
+    int64_t first[n_most], int64_t second[n_most], bool agree[n_most], int64_t others[n_corners],
+    int64_t counts[2])
+{
+    OPEN_ARENA(arena);
+    int32_t *by_greater = TAKE(arena, int32_t, n_corners), *order = TAKE(arena, int32_t, n_corners);
+    int32_t *places = TAKE(arena, int32_t, n_vertices + 1);
+    sort_by_end(n_vertices, n_corners, faces, false, NULL, by_greater, places);
+    sort_by_end(n_vertices, n_corners, faces, true, by_greater, order, places);
+    int64_t n_pairs = 0, n_others = 0;
+    for (int64_t start = 0, stop; start < n_corners; start = stop) {
+        const int32_t lesser = end_of(faces, order[start], true);
+        const int32_t greater = end_of(faces, order[start], false);
+        for (stop = start + 1; stop < n_corners; stop++)
+            if (end_of(faces, order[stop], true) != lesser
+                || end_of(faces, order[stop], false) != greater)
+                break;
+        if (stop - start == 2) {
+            first[n_pairs] = order[start] / 3;
+            second[n_pairs] = order[start + 1] / 3;
+            /* At a single vertex, with no direction, both agree. */
+            agree[n_pairs++] = faces[order[start]] != faces[order[start + 1]] || lesser == greater;
+            continue;
+        }
+        for (int64_t i = start; i < stop; i++)
+            others[n_others++] = order[i] / 3;
+    }
+    counts[0] = n_pairs;
+    counts[1] = n_others;
+    close_arena(arena);
+    return 0;
+}
+
 /* A face's root, and whether the face is wound against it; `against` is flipped if so. */
 static int64_t root_of(
     const int64_t *parents, const bool *flips, int64_t face, bool *against)

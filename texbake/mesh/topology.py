@@ -110,13 +110,17 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     """Find the pairs of faces that share an edge which no third face has.
 
     `faces` (F, 3) int32.
+
+    Kernel: `core/closed_surfaces.c`.
     """
-    tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    order, starts, counts = runs_of_keys(edge_keys(tails, heads))
-    pairs = starts[counts == 2]
-    first, second = order[pairs], order[pairs + 1]
-    others = order[np.repeat(counts != 2, counts)]
-    return EdgeNeighbors(first // 3, second // 3, tails[first] == heads[second], others // 3)
+    corners = np.ascontiguousarray(faces, np.int32).ravel()
+    first, second = np.empty((2, len(corners) // 2), np.int64)
+    agree, others = np.empty(len(first), np.bool_), np.empty(len(corners), np.int64)
+    counts = np.empty(2, np.int64)
+    n_vertices = int(corners.max(initial=-1)) + 1
+    core.pair_faces(n_vertices, corners, first, second, agree, others, counts)
+    n_pairs, n_others = counts.tolist()
+    return EdgeNeighbors(first[:n_pairs], second[:n_pairs], agree[:n_pairs], others[:n_others])
 
 
 def edge_keys(tails: npt.NDArray[Any], heads: npt.NDArray[Any]) -> Indices:

@@ -23,10 +23,11 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import counted
 from texbake.mesh.compose import turned_over
-from texbake.mesh.distance import area_vectors
+from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import (
+    EdgeNeighbors,
     against_most,
     edge_neighbors,
     face_components,
@@ -47,6 +48,7 @@ _MOST_OF_PART, _LEAST_OF_PART = 512, 16  # points of one part
 # A ray through triangles that overlap meets many of them. These bound all rays of a mesh together:
 # the largest parts get theirs first, and parts that get none are unclear.
 _RAYS_ALLOWED, _BOXES_ALLOWED = 1_000_000, 100_000_000
+_FACES_LOOKED_AT = 50_000  # boxes that rays meet are those of so many faces, evenly spread
 # Rays start this far from the surface, in local units.
 _OFFSET = 1e-6
 # How many standard deviations of chance the votes for one side must be ahead.
@@ -105,11 +107,13 @@ def oriented_in(
     Faces that occur in both windings are right.
     """
     welded = weld_rows(mesh.positions)[mesh.faces]
-    parts, turned = _parts_wound_alike(mesh, welded)
+    pairs = edge_neighbors(welded)
+    areas = face_areas(_centered(mesh), mesh.faces, threads=scene.threads)
+    parts, turned = _parts_wound_alike(pairs, areas)
     n_parts = int(parts.max(initial=-1)) + 1
-    points = _points(mesh, parts, turned, n_parts)
+    points = _points(mesh, areas, parts, turned, n_parts)
     votes = _Votes.of(points, parts, n_parts, scene)
-    one_sided = ~two_sided_faces(welded)
+    one_sided = ~_two_sided(welded, pairs)
     if keep_open:
         one_sided &= ~_open_faces(welded, mesh.n_vertices)
     matters = np.bincount(parts, one_sided, n_parts) > 0.0
@@ -147,20 +151,29 @@ def _open_faces(welded: IntArray, n_vertices: int) -> BoolArray:
     return np.asarray(is_open[shells])
 
 
-def _parts_wound_alike(mesh: Mesh, welded: IntArray) -> tuple[IntArray, BoolArray]:
+def _two_sided(welded: IntArray, pairs: EdgeNeighbors) -> BoolArray:
+    """(F,) bool: faces that occur in both windings; such a pair shares all its edges."""
+    sums = welded.sum(axis=1, dtype=np.int64)  # equal where the third vertex is
+    alike = sums[pairs.first] == sums[pairs.second]
+    maybe = np.zeros(len(welded), dtype=np.bool_)
+    for some in (pairs.first[alike], pairs.second[alike], pairs.at_other_edges):
+        maybe[some] = True
+    maybe[maybe] = two_sided_faces(welded[maybe])
+    return maybe
+
+
+def _parts_wound_alike(pairs: EdgeNeighbors, areas: FloatArray) -> tuple[IntArray, BoolArray]:
     """Find the parts of a mesh and the faces that are wound against most of their part.
 
-    `welded` are its faces, vertices at one position counting as one. Edges of more than two faces
-    join nothing.
+    `pairs`: vertices at one position count as one. Edges of more than two faces join nothing.
 
     Returns `parts` (F,) int32: numbered from 0 in the order of their first faces; `turned` (F,)
     bool.
     """
-    pairs = edge_neighbors(welded)
-    roots, flips = wind_alike(mesh.n_faces, (pairs.first, pairs.second), pairs.agree)
-    turned = against_most(roots, flips, pm.norm(_area_vectors(mesh), axis=1))
-    _, parts = np.unique(roots, return_inverse=True)
-    return parts.astype(np.int32), turned
+    roots, flips = wind_alike(len(areas), (pairs.first, pairs.second), pairs.agree)
+    turned = against_most(roots, flips, areas)
+    numbers = np.cumsum(roots == np.arange(len(roots)), dtype=np.int32) - np.int32(1)
+    return numbers[roots], turned
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,12 +186,12 @@ class _Points:
     left_out: BoolArray  # (n_parts,): parts that rays enough for all of them would have reached
 
 
-def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Points:
+def _points(
+    mesh: Mesh, areas: FloatArray, parts: IntArray, turned: BoolArray, n_parts: int
+) -> _Points:
     """Draw points of each part, evenly over its area."""
-    crosses = _area_vectors(mesh)
-    lengths = pm.norm(crosses, axis=1)
     order = np.argsort(parts, kind="stable")
-    sums = np.concatenate([[0.0], np.cumsum(lengths[order])])
+    sums = np.concatenate([[0.0], np.cumsum(areas[order])])
     stops = np.searchsorted(parts[order], np.arange(n_parts), side="right")
     ends = sums[stops]
     begins = np.concatenate([[0.0], ends[:-1]])
@@ -201,10 +214,9 @@ def _points(mesh: Mesh, parts: IntArray, turned: BoolArray, n_parts: int) -> _Po
     root, second = np.sqrt(random.random(n)), random.random(n)
     weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
     positions = pm.vecmat(weights, mesh.positions[mesh.faces[faces]])
-    with np.errstate(invalid="ignore"):
-        normals = crosses[faces] / lengths[faces, None]
+    normals = unit_normals(_centered(mesh), mesh.faces[faces])
     normals[turned[faces]] *= -1.0
-    return _Points(of_points, positions, np.nan_to_num(normals), left_out)
+    return _Points(of_points, positions, normals, left_out)
 
 
 def _points_allowed(mesh: Mesh) -> float:
@@ -213,12 +225,13 @@ def _points_allowed(mesh: Mesh) -> float:
     That a line which meets a box meets another one inside of it has the probability of the ratio of
     their areas.
     """
-    corners = mesh.positions[mesh.faces] / max(mesh.diagonal, 1e-300)
+    step = max(1, mesh.n_faces // _FACES_LOOKED_AT)
+    corners = mesh.positions[mesh.faces[::step]] / max(mesh.diagonal, 1e-300)
     x, y, z = (corners.max(axis=1) - corners.min(axis=1)).T
     low, high = mesh.bounds / max(mesh.diagonal, 1e-300)
     width, height, depth = high - low
     whole = width * height + height * depth + depth * width
-    n_boxes = float((x * y + y * z + z * x).sum()) / max(whole, 1e-300)
+    n_boxes = step * float((x * y + y * z + z * x).sum()) / max(whole, 1e-300)
     return float(min(_RAYS_ALLOWED, _BOXES_ALLOWED / max(n_boxes, 1.0)) / 2.0)
 
 
@@ -302,10 +315,9 @@ def _views() -> list[FloatArray]:
 _VIEWS = _views()
 
 
-def _area_vectors(mesh: Mesh) -> FloatArray:
-    """(F, 3) float64: twice the area of each face along its normal, in units of the mesh's size."""
-    centered = (mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300)
-    return area_vectors(centered, mesh.faces)
+def _centered(mesh: Mesh) -> FloatArray:
+    """(V, 3) float64: positions from the middle of the mesh, in units of its size."""
+    return np.asarray((mesh.positions - mesh.bounds.mean(axis=0)) / max(mesh.diagonal, 1e-300))
 
 
 def _cast(scene: RayScene, origins: FloatArray, directions: FloatArray, length: float) -> RayHits:
