@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.mesh.shapes import cube, grid_sphere
+from texbake.mesh.shapes import cube, grid_sphere, icosphere
 from texbake.mesh.triangle_tree import TriangleTree
 
 # Distances come from differences of coordinates of about 1: up to some ten units of 2^-53.
@@ -63,6 +63,19 @@ def test_any_triangles_agree_with_brute_force(n_faces, has_directions):
     assert (found == np.isfinite(distances)).all()
     at_face = np.take_along_axis(expected, face_ids[:, None], axis=1)[:, 0]
     np.testing.assert_allclose(at_face[found], distances[found], rtol=0.0, atol=1e-13)
+
+
+def test_any_point_that_is_near_enough_will_do():
+    rng = np.random.default_rng(4)
+    sphere = icosphere(3)
+    tree = TriangleTree.build(sphere.positions, sphere.faces)
+    points = np.cumsum(rng.normal(scale=0.1, size=(400, 3)), axis=0)
+    exact, *_ = tree.closest_points(points)
+    distances, *_ = tree.closest_points(points, enough=0.5)
+    far = exact > 0.5
+    np.testing.assert_array_equal(distances[far], exact[far])
+    assert (distances[~far] <= 0.5).all() and (distances >= exact).all()
+    assert 20 < far.sum() < 380 and (distances > exact).sum() > 20
 
 
 coordinate = st.sampled_from([-1.0, -0.5, 0.0, 1e-9, 0.25, 0.5, 1.0])

@@ -30,7 +30,7 @@ from texbake.mesh.objects import weld_vertices
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.raycast.rays import NO_HIT, RayHits
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
 
 # Points between the measured ones may lie a little farther away.
 MARGIN = 1.1
@@ -49,8 +49,21 @@ class RayProbe:
     """Hits of rays that were cast out and in from points of a low-poly mesh."""
 
     faces: IntArray  # (n,) int32; face of each point
+    inward: Rays
     out: RayHits
     into: RayHits
+
+    def distances(self) -> FloatArray:
+        """(2, n) float64: how far it is out and in to a surface that faces as the mesh does."""
+        # On its way out a ray meets the surface from behind, on its way in from the front.
+        return np.stack(
+            [
+                np.where(
+                    (hits.faces != NO_HIT) & (hits.passed_back == is_behind), hits.distances, np.inf
+                )
+                for hits, is_behind in ((self.out, True), (self.into, False))
+            ]
+        )
 
 
 def measure_ray_distances(
@@ -137,11 +150,7 @@ def _normals(triangles: FloatArray) -> FloatArray:
 
 def _add_low(of_faces: FloatArray, probe: RayProbe) -> None:
     """Raise the distances of faces to what the rays of their points met first."""
-    # On its way out a ray meets the surface from behind, on its way in from the front.
-    distances = [
-        np.where((hits.faces != NO_HIT) & (hits.passed_back == is_behind), hits.distances, np.inf)
-        for hits, is_behind in ((probe.out, True), (probe.into, False))
-    ]
+    distances = probe.distances()
     is_out = distances[0] < distances[1]
     for side, chosen in enumerate((is_out, ~is_out & np.isfinite(distances[1]))):
         np.maximum.at(of_faces[:, side], probe.faces[chosen], distances[side][chosen])

@@ -41,13 +41,15 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.progress import Stages
 from texbake.raycast.orientation import OrientationReport, oriented_in
-from texbake.raycast.rays import NO_HIT, Rays
+from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
 
 _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000
 # At most for all parts of a bake together, and at least for each part.
 _PARTS_POINTS, _PART_POINTS = 8 * _LOW_POINTS, 2_000
+# One of so many high-poly points is measured first, to know how near others add nothing.
+_FEW = 64
 # Points of the low-poly mesh for each of its faces, where distances are measured vertex by vertex.
 _POINTS_PER_FACE = 4
 # Size of both meshes in model units: float32 holds a ten millionth of it with all its digits, and
@@ -180,17 +182,18 @@ def measure_extent(scene: RayScene, low: Mesh, kind: str) -> RayExtent:
 
 def _measured(scene: RayScene, low: Mesh, kind: str, n_points: int) -> tuple[RayExtent, RayProbe]:
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
-    out_high, in_high = _from_high(scene, low, _spread_points(scene.source))
+    points = _spread_points(scene.source)
+    few = _from_high(scene, low, points[::_FEW], (0.0, 0.0))
+    out_high, in_high = _from_high(scene, low, points, few)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
     probe = probe_both_ways(scene, low, kind, n_points, limit)
     if ((probe.out.faces == NO_HIT) & (probe.into.faces == NO_HIT)).any():
         # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
         # below it.
-        out_mid, in_mid = _from_high(scene, low, _middles(scene.source))
-        if max(out_mid, in_mid) > max(out_high, in_high):
-            out_high, in_high = max(out_high, out_mid), max(in_high, in_mid)
-            limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
-            probe = probe_both_ways(scene, low, kind, n_points, limit)
+        mid = _from_high(scene, low, _middles(scene.source), (out_high, in_high))
+        if max(mid) > max(out_high, in_high):
+            out_high, in_high = mid
+            probe = _cast_farther(scene, probe, 2.0 * max(out_high, in_high) + LEAST_EXTENT)
     out_low, in_low = _from_low(probe)
     front, back = max(out_high, out_low), max(in_high, in_low)
     extent = RayExtent(
@@ -200,18 +203,28 @@ def _measured(scene: RayScene, low: Mesh, kind: str, n_points: int) -> tuple[Ray
     return extent, probe
 
 
-def _from_high(scene: RayScene, low: Mesh, points: FloatArray) -> tuple[float, float]:
-    """Greatest local distance of high-poly points outside and inside the low-poly surface."""
-    frame, threads = scene.frame, scene.threads
+def _from_high(
+    scene: RayScene, low: Mesh, points: FloatArray, known: tuple[float, float]
+) -> tuple[float, float]:
+    """Greatest local distance of high-poly points outside and inside the low-poly surface.
+
+    `known`: distances that are reached already; nearer points are not measured exactly.
+    """
+    frame, threads, enough = scene.frame, scene.threads, min(known)
     positions = frame.to_local(low.positions)
     tree = TriangleTree.build(positions, low.faces, threads=threads)
     points = frame.to_local(points)
-    distances, faces, weights = tree.closest_points(points, threads=threads)
-    corners = positions[low.faces[faces]]
-    closest = pm.vecmat(weights, corners)
+    distances, faces, weights = tree.closest_points(points, enough=enough, threads=threads)
+    far = distances > enough
+    corners = positions[low.faces[faces[far]]]
+    closest = pm.vecmat(weights[far], corners)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outside = pm.vecdot(points - closest, normals) >= 0.0
-    return _greatest(distances[outside]), _greatest(distances[~outside])
+    outside = pm.vecdot(points[far] - closest, normals) >= 0.0
+    distances = distances[far]
+    return (
+        max(known[0], _greatest(distances[outside])),
+        max(known[1], _greatest(distances[~outside])),
+    )
 
 
 def _spread_points(high: Mesh | StreamedMesh) -> FloatArray:
@@ -249,7 +262,18 @@ def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit:
     _, faces, weights = sample_surface(low, n_points, seed=0, threads=threads)
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
     field = RayField(low, scene.frame, kind=kind, front=0.0, back=1.0, threads=threads)
-    inward = field.rays(samples)
+    inward, n = field.rays(samples), len(samples)
+    nothing = RayProbe(faces, inward, RayHits.misses(n), RayHits.misses(n))
+    return _cast_farther(scene, nothing, limit)
+
+
+def _cast_farther(scene: RayScene, probe: RayProbe, limit: float) -> RayProbe:
+    """Cast longer rays from the points of a probe that met no surface facing as the mesh does.
+
+    The farther hits of other points decide nothing.
+    """
+    rows = np.flatnonzero(np.isinf(probe.distances()).all(axis=0))
+    inward = probe.inward.where(rows)
     lengths = np.where(inward.lengths > 0.0, limit, 0.0)
     # Both directions at once, since a scene in chunks rebuilds its trees for each call.
     rays = Rays.joined(
@@ -258,10 +282,14 @@ def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit:
             for directions in (-inward.directions, inward.directions)
         ]
     )
-    # On its way out a ray hits the high-poly surface from behind.
     found = scene.cast(rays, cull_back_faces=False)
-    n = len(inward)
-    return RayProbe(faces, found.where(slice(n)), found.where(slice(n, None)))
+    sides = []
+    for side, old in enumerate((probe.out, probe.into)):
+        hits = RayHits.joined([old])
+        for column, new in zip(hits.arrays(), found.arrays(), strict=True):
+            column[rows] = new[side * len(rows) : (side + 1) * len(rows)]
+        sides.append(hits)
+    return RayProbe(probe.faces, probe.inward, *sides)
 
 
 def _greatest(distances: FloatArray) -> float:

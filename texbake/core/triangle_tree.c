@@ -137,9 +137,10 @@ static inline bool faces_along(struct vector ab, struct vector ac, struct vector
 }
 
 /* The face closest to a point, -1 where none is within the distance whose square comes in `best`.
-   With a direction, which may be NULL, only faces that face that way count. */
+   With a direction, which may be NULL, only faces that face that way count. The search ends at a face
+   within the distance whose square is `enough`. */
 static int32_t closest_face(
-    const struct triangle_tree *tree, struct vector p, const struct vector *direction,
+    const struct triangle_tree *tree, struct vector p, const struct vector *direction, double enough,
     struct nearness *best)
 {
     int32_t stack[TREE_STACK_SIZE], best_face = -1;
@@ -150,7 +151,7 @@ static int32_t closest_face(
     while (size > 0) {
         size--;
         const int32_t node = stack[size];
-        if (bounds[size] > best->squared)
+        if (bounds[size] > best->squared || (best_face >= 0 && best->squared <= enough))
             continue;
         const int32_t first = tree->nodes[node][0], count = tree->nodes[node][1];
         for (int32_t slot = first; slot < first + count; slot++) {
@@ -180,19 +181,29 @@ static int32_t closest_face(
     return best_face;
 }
 
+static void write_weights(struct nearness at, double barycentrics[3])
+{
+    barycentrics[0] = max_f64(1.0 - at.v - at.w, 0.0);
+    barycentrics[1] = at.v;
+    barycentrics[2] = at.w;
+}
+
 /* Find the closest face to points start to stop - 1; where directions are given, the closest of those
-   that face the way the point's direction points. */
+   that face the way the point's direction points. Any point of a face at most `enough` away will do. */
 EXPORT void closest_points(
     int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_nodes, int64_t n,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
     const int32_t order[n_kept], const float boxes[n_nodes][6], const int32_t nodes[n_nodes][2],
     const double points[n][3], OPTIONAL const double directions[n][3], double max_distance,
-    int64_t start, int64_t stop, double distances[n], int32_t face_ids[n],
+    double enough, int64_t start, int64_t stop, double distances[n], int32_t face_ids[n],
     double barycentrics[n][3])
 {
     const struct triangle_tree tree = {positions, faces, order, boxes, nodes};
     const double limit = max_distance * max_distance;
+    enough *= enough;
     struct vector nearby = corner_of(&tree, order[0], 0); /* on the surface, near the last answer */
+    struct nearness last = {0.0, 0.0, 0.0};
+    int32_t last_face = order[0];
     for (int64_t k = start; k < stop; k++) {
         const struct vector p = vector_at(points[k]), offset = minus(p, nearby);
         struct vector towards;
@@ -200,11 +211,17 @@ EXPORT void closest_points(
             towards = vector_at(directions[k]);
         const struct vector *direction = directions != NULL ? &towards : NULL;
         struct nearness best = {0.0, 0.0, min_f64(limit, dot(offset, offset))};
-        int32_t face = closest_face(&tree, p, direction, &best);
+        if (best.squared < min_f64(enough, limit) && direction == NULL) {
+            face_ids[k] = last_face;
+            distances[k] = sqrt(best.squared);
+            write_weights(last, barycentrics[k]);
+            continue;
+        }
+        int32_t face = closest_face(&tree, p, direction, enough, &best);
         if (face < 0 && !(best.squared >= limit)) {
             /* Rounding put the point nearby out of its own reach, or its face faces another way. */
             best.squared = limit;
-            face = closest_face(&tree, p, direction, &best);
+            face = closest_face(&tree, p, direction, enough, &best);
         }
         face_ids[k] = face;
         if (face < 0) {
@@ -213,9 +230,9 @@ EXPORT void closest_points(
             continue;
         }
         distances[k] = sqrt(best.squared);
-        barycentrics[k][0] = max_f64(1.0 - best.v - best.w, 0.0);
-        barycentrics[k][1] = best.v;
-        barycentrics[k][2] = best.w;
+        write_weights(best, barycentrics[k]);
+        last = best;
+        last_face = face;
         const struct vector a = corner_of(&tree, face, 0);
         const struct vector on_face = weighted(
             minus(corner_of(&tree, face, 1), a), minus(corner_of(&tree, face, 2), a), best.v, best.w);

@@ -72,9 +72,10 @@ class TriangleTree:
         *,
         facing: npt.ArrayLike | None = None,
         max_distance: float = float("inf"),
+        enough: float = 0.0,
         threads: int | None = None,
     ) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Closest point of the triangles to each point.
+        """Closest point of the triangles to each point, or any that is at most `enough` away.
 
         Points that are near each other in the list are found faster: each search starts from the
         face found before.
@@ -96,7 +97,7 @@ class TriangleTree:
 
         def work(start: int, stop: int) -> None:
             core.closest_points(
-                *tree, points, facing, limit, start, stop, distances, face_ids, barycentrics
+                *tree, points, facing, limit, enough, start, stop, distances, face_ids, barycentrics
             )
 
         run_bands(work, len(points), band=_BAND, threads=threads)
