@@ -57,6 +57,14 @@ def test_each_setting_is_matched_with_the_fastest_that_is_as_accurate(contest):
     assert matches["default"].times_as_fast == pytest.approx(0.5)
 
 
+def test_json_has_what_was_measured_of_each_setting(contest):
+    for found, item in zip(contest.to_json()["settings"], contest.measurements, strict=True):
+        figures = item.to_json()
+        assert found["program"] == figures.pop("series")
+        del figures["problem"]
+        assert figures.items() <= found.items()
+
+
 def test_memory_is_plotted_where_it_is_known(contest):
     bare = tuple(replace(item, peak_bytes=None) for item in contest.measurements)
     for measurements, n_frames in (contest.measurements, 2), (bare, 1):
