@@ -111,6 +111,7 @@ struct preconditioner {
     double (*inverses)[3]; /* of the diagonal blocks: xx, xy, yy */
     double (*bodies)[2];   /* vertices relative to the middle of their region */
     double *factor;        /* size * size, lower triangle: Cholesky, its diagonal inverted */
+    double *columns;       /* the same, transposed */
     int64_t size;          /* three movements per region, or 0 with a single region */
 };
 
@@ -177,7 +178,7 @@ static void project_on_regions(
                 continue;
             const double xj = made->bodies[j][0], yj = made->bodies[j][1];
             const double *block = matrix->blocks[at];
-            const double a = block[0], b = block[1], c = block[2], d = block[3];
+            const double a = block[0], c = block[1], b = block[2], d = block[3];
             /* Movements of i and j along both axes, and a rotation (-y, x). */
             const double turned_x = b * xj - a * yj, turned_y = d * xj - c * yj;
             double *first = made->factor + row * size + column;
@@ -195,23 +196,27 @@ static void project_on_regions(
     }
 }
 
-/* Overwrite the lower triangle with its Cholesky factor; the diagonal is stored inverted. */
-static void factorize(int64_t size, double *matrix)
+/* Replace the lower triangle by its Cholesky factor, and write that transposed to `columns`; the
+   diagonals are stored inverted. Columns are subtracted in their order, each as a whole. */
+static void factorize(int64_t size, double *matrix, double *columns)
 {
-    for (int64_t i = 0; i < size; i++) {
-        double *row = matrix + i * size;
-        for (int64_t j = 0; j <= i; j++) {
-            const double *other = matrix + j * size;
-            double total = row[j];
-            if (i == j)
-                total += RIDGE * total;
-            for (int64_t k = 0; k < j; k++)
-                total -= row[k] * other[k];
-            if (j < i)
-                row[j] = total * other[j];
-            else /* a region without entries does not move */
-                row[i] = total > 0.0 ? 1.0 / sqrt(total) : 0.0;
+    for (int64_t j = 0; j < size; j++) {
+        double *column = columns + j * size;
+        for (int64_t i = j; i < size; i++)
+            column[i] = matrix[i * size + j];
+        column[j] += RIDGE * column[j];
+        for (int64_t k = 0; k < j; k++) {
+            const double *before = columns + k * size;
+            const double share = before[j];
+            for (int64_t i = j; i < size; i++)
+                column[i] -= before[i] * share;
         }
+        /* A region without entries does not move. */
+        column[j] = column[j] > 0.0 ? 1.0 / sqrt(column[j]) : 0.0;
+        for (int64_t i = j + 1; i < size; i++)
+            column[i] *= column[j];
+        for (int64_t i = j; i < size; i++)
+            matrix[i * size + j] = column[i];
     }
 }
 
@@ -225,10 +230,11 @@ static struct preconditioner make_preconditioner(
     const int64_t n_regions = invert_diagonal(matrix, regions, made.inverses);
     made.size = n_regions < 2 ? 0 : 3 * n_regions;
     made.factor = TAKE_ZEROS(arena, double, made.size * made.size);
+    made.columns = TAKE(arena, double, made.size * made.size);
     if (made.size > 0) {
         place_in_regions(arena, matrix->n, uvs, regions, n_regions, made.bodies);
         project_on_regions(matrix, regions, &made);
-        factorize(made.size, made.factor);
+        factorize(made.size, made.factor, made.columns);
     }
     return made;
 }
@@ -237,12 +243,11 @@ static struct preconditioner make_preconditioner(
 static void solve_coarse(const struct preconditioner *made, double *coarse)
 {
     const int64_t size = made->size;
-    for (int64_t row = 0; row < size; row++) {
-        const double *factor = made->factor + row * size;
-        double total = coarse[row];
-        for (int64_t column = 0; column < row; column++)
-            total -= factor[column] * coarse[column];
-        coarse[row] = total * factor[row];
+    for (int64_t column = 0; column < size; column++) {
+        const double *factor = made->columns + column * size;
+        coarse[column] *= factor[column];
+        for (int64_t row = column + 1; row < size; row++)
+            coarse[row] -= factor[row] * coarse[column];
     }
     for (int64_t row = size - 1; row >= 0; row--) {
         const double *factor = made->factor + row * size;
@@ -292,15 +297,15 @@ static double multiply(
 {
     double curvature = 0.0;
     for (int64_t i = 0; i < matrix->n; i++) {
-        double x = 0.0, y = 0.0;
+        double sums[2] = {0.0, 0.0};
         for (int64_t at = matrix->row_starts[i]; at < matrix->row_starts[i + 1]; at++) {
             const double *block = matrix->blocks[at], *other = direction[matrix->columns[at]];
-            x += block[0] * other[0] + block[1] * other[1];
-            y += block[2] * other[0] + block[3] * other[1];
+            for (int axis = 0; axis < 2; axis++)
+                sums[axis] += block[axis] * other[0] + block[2 + axis] * other[1];
         }
-        product[i][0] = x;
-        product[i][1] = y;
-        curvature += direction[i][0] * x + direction[i][1] * y;
+        for (int axis = 0; axis < 2; axis++)
+            product[i][axis] = sums[axis];
+        curvature += direction[i][0] * sums[0] + direction[i][1] * sums[1];
     }
     return curvature;
 }

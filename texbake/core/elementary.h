@@ -554,3 +554,47 @@ static inline double portable_hypot(double x, double y)
     const struct double_double height = exact_product(scale * y, scale * y);
     return dd_root(dd_sum(width, height)).high / scale;
 }
+
+/* ---------------------------------------------------------------- without special cases */
+
+/* The same bits as above without a branch, so that loops use vector instructions: for two numbers of
+   similar size, and for angles of at most a turn. */
+
+static inline bool are_plain(double x, double y)
+{
+    const double a = fabs(x), b = fabs(y);
+    return (a > 0x1p-200) & (b > 0x1p-200) & (a < 0x1p200) & (b < 0x1p200) & (a < 0x1p60 * b)
+        & (b < 0x1p60 * a);
+}
+
+static inline double plain_hypot(double x, double y)
+{
+    const struct double_double square = dd_sum(exact_product(x, x), exact_product(y, y));
+    const double root = sqrt(square.high);
+    const struct double_double back = exact_product(root, root);
+    return root + (((square.high - back.high) - back.low) + square.low) / (2.0 * root);
+}
+
+static inline double plain_atan2(double y, double x)
+{
+    return angle_of((struct double_double){y, 0.0}, (struct double_double){x, 0.0});
+}
+
+struct direction {
+    double cosine, sine;
+};
+
+static inline struct direction plain_direction(double x)
+{
+    const double n = floor(x * 0x1.45f306dc9c883p-1 + 0.5);
+    const struct double_double first =
+        exact_sum(x - n * 0x1.921fb54400000p+0, -(n * 0x1.0b4611a600000p-34));
+    const struct double_double second = exact_sum(first.high, -(n * 0x1.3198a2e000000p-69));
+    const struct double_double angle = renormalized(
+        second.high, second.low + (first.low - n * 0x1.b839a252049c1p-104));
+    const double cosine = dd_cos(angle).high, sine = dd_sin(angle).high;
+    const bool is_odd_quarter = (n == 1.0) | (n == -1.0), is_half = (n == 2.0) | (n == -2.0);
+    const double along = is_odd_quarter ? sine : cosine, up = is_odd_quarter ? cosine : sine;
+    return (struct direction){
+        is_half | (n == 1.0) ? -along : along, is_half | (n == -1.0) ? -up : up};
+}

@@ -37,7 +37,7 @@ bool make_patch(
 /* conjugate_gradient.c */
 
 /* A symmetric matrix of 2 x 2 blocks in compressed rows, as in `Patch`: the first entry of a row
-   lies on the diagonal, and an entry's block is stored row by row. */
+   lies on the diagonal, and an entry's block is stored column by column. */
 struct block_matrix {
     int64_t n;
     const int64_t *row_starts;

@@ -142,8 +142,50 @@ struct stretches stretches_of(const double (*uvs)[2], const struct shapes *shape
     return (struct stretches){dirichlet / total, inverse / total, growth / total};
 }
 
-/* A triangle's Hessian in the basis of the singular vectors: J = U diag(σ) Vᵀ. U and V are rotations
-   by half of (difference ± sum) of two angles. */
+/* Triangles of which the rotations are found together, by vector instructions. */
+enum { LANES = 16 };
+
+/* J = U diag(σ) Vᵀ. The sum and the difference of σ1 and σ2, and the rotations U and V by half of
+   (difference ± sum) of two angles, as cosines and sines. */
+struct rotations {
+    double total[LANES], spread[LANES], cu[LANES], su[LANES], cv[LANES], sv[LANES];
+};
+
+static void set_rotations(const struct jacobian jacobians[LANES], struct rotations *made)
+{
+    double x[LANES], y[LANES], s[LANES], t[LANES];
+    for (int i = 0; i < LANES; i++) {
+        const struct jacobian *j = &jacobians[i];
+        x[i] = j->m00 + j->m11;
+        y[i] = j->m10 - j->m01;
+        s[i] = j->m00 - j->m11;
+        t[i] = j->m10 + j->m01;
+    }
+    for (int i = 0; i < LANES; i++) {
+        const double minus = plain_atan2(y[i], x[i]), plus = plain_atan2(t[i], s[i]);
+        const struct direction u = plain_direction(0.5 * (plus + minus));
+        const struct direction v = plain_direction(0.5 * (plus - minus));
+        made->total[i] = plain_hypot(x[i], y[i]);
+        made->spread[i] = plain_hypot(s[i], t[i]);
+        made->cu[i] = u.cosine;
+        made->su[i] = u.sine;
+        made->cv[i] = v.cosine;
+        made->sv[i] = v.sine;
+    }
+    for (int i = 0; i < LANES; i++) {
+        if (are_plain(x[i], y[i]) & are_plain(s[i], t[i]))
+            continue;
+        const double minus = portable_atan2(y[i], x[i]), plus = portable_atan2(t[i], s[i]);
+        made->total[i] = portable_hypot(x[i], y[i]);
+        made->spread[i] = portable_hypot(s[i], t[i]);
+        made->cu[i] = portable_cos(0.5 * (plus + minus));
+        made->su[i] = portable_sin(0.5 * (plus + minus));
+        made->cv[i] = portable_cos(0.5 * (plus - minus));
+        made->sv[i] = portable_sin(0.5 * (plus - minus));
+    }
+}
+
+/* A triangle's Hessian in the basis of the singular vectors. */
 struct eigensystem {
     double cu, su, cv, sv;
     double stretch_1, stretch_2, same, other;
@@ -152,22 +194,19 @@ struct eigensystem {
 /* In that basis the Hessian has the eigenvalues f''(σ1) and f''(σ2) for the two stretches, and
    (f'(σ1) ∓ f'(σ2)) / (σ1 ∓ σ2) for shear and turn, where f(σ) = σ² + σ⁻². A negative one, of a
    turn, is left out. */
-static inline struct eigensystem eigensystem_of(const struct jacobian *j, double area)
+static inline struct eigensystem eigensystem_of(
+    const struct jacobian *j, const struct rotations *rotations, int64_t lane, double area)
 {
-    const double total = portable_hypot(j->m00 + j->m11, j->m10 - j->m01);
-    const double spread = portable_hypot(j->m00 - j->m11, j->m10 + j->m01);
-    const double first = 0.5 * (total + spread);
+    const double first = 0.5 * (rotations->total[lane] + rotations->spread[lane]);
     const double second = j->determinant / first;
-    const double minus = portable_atan2(j->m10 - j->m01, j->m00 + j->m11);
-    const double plus = portable_atan2(j->m10 + j->m01, j->m00 - j->m11);
     const double first_2 = first * first, second_2 = second * second;
     const double cubed = j->determinant * (j->determinant * j->determinant);
     const double shear = area * (2.0 + 2.0 * (j->square + j->determinant) / cubed);
     const double turn = area * (2.0 - 2.0 * (j->square - j->determinant) / cubed);
     const double twist = max_f64(turn, 0.0);
     return (struct eigensystem){
-        portable_cos(0.5 * (plus + minus)), portable_sin(0.5 * (plus + minus)), portable_cos(0.5 * (plus - minus)),
-        portable_sin(0.5 * (plus - minus)), area * (2.0 + 6.0 / (first_2 * first_2)),
+        rotations->cu[lane], rotations->su[lane], rotations->cv[lane], rotations->sv[lane],
+        area * (2.0 + 6.0 / (first_2 * first_2)),
         area * (2.0 + 6.0 / (second_2 * second_2)), 0.5 * (shear + twist), 0.5 * (shear - twist)};
 }
 
@@ -212,8 +251,8 @@ static inline void add_hessian(
             const double g = su * a + cu * c, h = su * b + cu * d;
             double *block = blocks[entries[i][j]];
             block[0] += e * cu - f * su;
-            block[1] += e * su + f * cu;
-            block[2] += g * cu - h * su;
+            block[1] += g * cu - h * su;
+            block[2] += e * su + f * cu;
             block[3] += g * su + h * cu;
         }
     }
@@ -228,11 +267,19 @@ static void set_model(
         descent[i][0] = descent[i][1] = 0.0;
     for (int64_t at = 0; at < n_entries; at++)
         blocks[at][0] = blocks[at][1] = blocks[at][2] = blocks[at][3] = 0.0;
-    for (int64_t face = 0; face < shapes->n_faces; face++) {
-        const struct jacobian j = jacobian_of(uvs, shapes, face);
-        const struct eigensystem basis = eigensystem_of(&j, shapes->areas[face]);
-        add_gradient(shapes, face, &j, descent);
-        add_hessian(shapes, face, &basis, entries[face], blocks);
+    struct jacobian jacobians[LANES];
+    struct rotations rotations;
+    for (int64_t first = 0; first < shapes->n_faces; first += LANES) {
+        for (int lane = 0; lane < LANES; lane++)
+            jacobians[lane] = jacobian_of(uvs, shapes, min_i64(first + lane, shapes->n_faces - 1));
+        set_rotations(jacobians, &rotations);
+        for (int64_t face = first; face < min_i64(first + LANES, shapes->n_faces); face++) {
+            const struct jacobian *j = &jacobians[face - first];
+            const struct eigensystem basis =
+                eigensystem_of(j, &rotations, face - first, shapes->areas[face]);
+            add_gradient(shapes, face, j, descent);
+            add_hessian(shapes, face, &basis, entries[face], blocks);
+        }
     }
 }
 
