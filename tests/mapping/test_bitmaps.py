@@ -6,6 +6,7 @@ from texbake.mapping.atlas.packing.bins import place_charts
 from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
     ChartRotations,
+    Outlines,
     PackingGrid,
     Shapes,
     least_box_angles,
@@ -188,3 +189,41 @@ def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
     # The triangle of 4.4 x 6.4 lies in the middle of 4 x 6 cells, with centers from (0.7, 0.7) on:
     # 5, 4, 2 and 1 of the columns are below its long side.
     assert (np.add.reduceat(bitmaps.masks, bitmaps.starts.ravel()) == [1, 12]).all()
+
+
+def grid_charts(layouts: list[np.ndarray]) -> Outlines:
+    """Charts of squares in rows, each with the places of its 25 x 9 corners."""
+    corners = np.arange(25 * 9).reshape(25, 9)
+    a, b, c, d = (
+        part.ravel()
+        for part in (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
+    )
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    ids = np.repeat(np.arange(len(layouts), dtype=np.int32), 25 * 9)
+    return Outlines(
+        uvs=np.concatenate(layouts),
+        faces=np.concatenate([faces + 25 * 9 * i for i in range(len(layouts))]).astype(np.int32),
+        chart_ids=ids,
+        n_charts=len(layouts),
+    )
+
+
+@pytest.mark.parametrize("margin", [-0.3, 0.0, 1 / 512, 0.6])
+@pytest.mark.parametrize("scale", [0.7, 4.0, 23.7])
+def test_cells_inside_a_chart_are_those_that_its_faces_touch(margin: float, scale: float) -> None:
+    u, v = (side.ravel() for side in np.meshgrid(np.arange(25.0), np.arange(9.0), indexing="ij"))
+    jitter = np.random.default_rng(7).uniform(-0.3, 0.3, (len(u), 2))
+    turn, radius = u / 3.0, 4.0 + 0.2 * u + 0.5 * v
+    layouts = [
+        np.stack([u, v], axis=1),  # on the lines of the cells
+        np.stack([u, v], axis=1) + jitter,
+        np.stack([radius * np.cos(turn), -radius * np.sin(turn)], axis=1),  # over itself
+        np.stack([np.abs(u - 12.3), v], axis=1),  # folded
+        np.stack([u * (1.0 - 1e-9 * v), v * 1e-9], axis=1),  # as thin as a line
+    ]
+    charts = grid_charts(layouts)
+    angles = np.array([[0.0, 0.3, np.pi / 4.0]] * len(layouts))
+    found = charts.turned(angles).bitmaps(scale, margin)
+    alone = ChartRotations.of(charts.uvs, charts.faces, charts.chart_ids, angles)
+    assert charts.turned(angles).n_outer < len(charts.faces) == alone.n_outer
+    assert (found.masks == alone.bitmaps(scale, margin).masks).all()

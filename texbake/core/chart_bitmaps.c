@@ -39,32 +39,72 @@ static struct extent extent_between(
     return extent;
 }
 
-/* Mark the cells within `margin` of a triangle in a bitmap. */
+/* Cells on which rounding has no bearing. */
+static const double ROUNDING = 1e-6;
+
+/* Whether all cells of some rows and columns are marked. */
+static bool is_marked(
+    const uint8_t *cells, int64_t width, int64_t first, int64_t last, int64_t begin, int64_t end)
+{
+    for (int64_t row = first; row <= last; row++)
+        for (int64_t column = begin; column <= end; column++)
+            if (!cells[row * width + column])
+                return false;
+    return true;
+}
+
+/* Mark the gap between marked cells of a row that a cell lies in. */
+static void fill_gap(uint8_t *cells, int64_t width, int64_t column)
+{
+    int64_t begin = column, end = column;
+    while (begin > 0 && !cells[begin - 1])
+        begin--;
+    while (end < width && !cells[end])
+        end++;
+    memset(cells + begin, 1, (size_t)(end - begin));
+}
+
+/* Mark the cells within `margin` of a triangle in a bitmap. One inside a chart whose border is
+   marked has the whole of a gap if it has any of it. */
 static void mark_triangle(
-    const double x[3], const double y[3], double margin, const int64_t box[2], uint8_t *cells)
+    const double x[3], const double y[3], double margin, bool is_inside, const int64_t box[2],
+    uint8_t *cells)
 {
     const double least = min_f64(min_f64(y[0], y[1]), y[2]);
     const double most = max_f64(max_f64(y[0], y[1]), y[2]);
     const int64_t width = box[0], height = box[1];
     const int64_t first = max_i64((int64_t)floor(least - margin), 0);
     const int64_t last = min_i64((int64_t)floor(most + margin), height - 1);
+    if (is_inside) {
+        const double left = min_f64(min_f64(x[0], x[1]), x[2]) - margin - ROUNDING;
+        const double right = max_f64(max_f64(x[0], x[1]), x[2]) + margin + ROUNDING;
+        if (is_marked(cells, width, first, last, max_i64((int64_t)floor(left), 0),
+                min_i64((int64_t)floor(right), width - 1)))
+            return;
+    }
     for (int64_t row = first; row <= last; row++) {
         const struct extent extent =
             extent_between(x, y, (double)row - margin, (double)(row + 1) + margin);
         if (!(extent.left <= extent.right))
             continue;
+        uint8_t *const own = cells + row * width;
         const int64_t begin = max_i64((int64_t)floor(extent.left - margin), 0);
         const int64_t end = min_i64((int64_t)floor(extent.right + margin), width - 1);
-        if (begin <= end)
-            memset(cells + row * width + begin, 1, (size_t)(end - begin + 1));
+        if (begin > end)
+            continue;
+        const int64_t middle = (int64_t)floor(0.5 * (extent.left + extent.right));
+        if (is_inside && margin >= ROUNDING && middle >= begin && middle <= end && !own[middle])
+            fill_gap(own, width, middle);
+        memset(own + begin, 1, (size_t)(end - begin + 1));
     }
 }
 
-/* Mark each cell within `margin` of a face, in the bitmap of its chart and pose. */
+/* Mark each cell within `margin` of a face, in the bitmap of its chart and pose. The first `n_outer`
+   faces are those at the borders of charts and in charts that are folded. */
 EXPORT void mark_faces(
     int64_t n_faces, int64_t n_charts, int64_t n_poses, int64_t n_cells,
     const double corners[n_faces][3][n_poses][2], const int32_t face_charts[n_faces],
-    double scale, const double shifts[n_charts][n_poses][2], double margin,
+    int64_t n_outer, double scale, const double shifts[n_charts][n_poses][2], double margin,
     const int64_t boxes[n_charts][n_poses][2], const int64_t starts[n_charts][n_poses],
     uint8_t masks[n_cells])
 {
@@ -76,7 +116,8 @@ EXPORT void mark_faces(
                 x[corner] = corners[face][corner][pose][0] * scale + shifts[chart][pose][0];
                 y[corner] = corners[face][corner][pose][1] * scale + shifts[chart][pose][1];
             }
-            mark_triangle(x, y, margin, boxes[chart][pose], masks + starts[chart][pose]);
+            mark_triangle(x, y, margin, face >= n_outer, boxes[chart][pose],
+                masks + starts[chart][pose]);
         }
     }
 }

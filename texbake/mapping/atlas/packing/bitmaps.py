@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.topology import opposite_half_edges
 
 LongArray = npt.NDArray[np.int64]
 
@@ -118,10 +120,16 @@ class ChartRotations:
     # low, extents: (C, K, 2) float64; lower left corner and size of each chart's bounding box.
     low: FloatArray
     extents: FloatArray
+    n_outer: int  # faces, the first ones, that lie at borders; all others lie within charts
 
     @classmethod
     def of(
-        cls, uvs: FloatArray, faces: IntArray, chart_ids: IntArray, angles: FloatArray
+        cls,
+        uvs: FloatArray,
+        faces: IntArray,
+        chart_ids: IntArray,
+        angles: FloatArray,
+        n_outer: int | None = None,
     ) -> ChartRotations:
         """Rotate charts counter-clockwise by `angles` (C, K), in radians."""
         cos, sin = pm.cos(angles)[chart_ids], pm.sin(angles)[chart_ids]
@@ -137,6 +145,7 @@ class ChartRotations:
             face_charts=np.ascontiguousarray(chart_ids[faces[:, 0]]),
             low=low,
             extents=np.maximum.reduceat(posed[order], starts) - low,
+            n_outer=len(faces) if n_outer is None else n_outer,
         )
 
     def lengths(self) -> FloatArray:
@@ -162,7 +171,10 @@ class ChartRotations:
         n_cells = boxes.prod(axis=2)
         starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
         masks = np.zeros(n_cells.sum(), dtype=np.uint8)
-        core.mark_faces(self.corners, self.face_charts, scale, shifts, margin, boxes, starts, masks)
+        core.mark_faces(
+            self.corners, self.face_charts, self.n_outer, scale, shifts, margin, boxes, starts,
+            masks,
+        )  # fmt: skip
         # Not their sum, for which all cells would be copied into larger numbers.
         empty = np.maximum.reduceat(masks, starts.ravel()) == 0
         masks[starts.ravel()[empty]] = 1
@@ -202,7 +214,27 @@ class Outlines:
 
     def turned(self, angles: FloatArray) -> ChartRotations:
         """Rotations by `angles` (C, K)."""
-        return ChartRotations.of(self.uvs, self.faces, self.chart_ids, angles)
+        faces, n_outer = self._outer_first
+        return ChartRotations.of(self.uvs, faces, self.chart_ids, angles, n_outer)
+
+    @cached_property
+    def _outer_first(self) -> tuple[IntArray, int]:
+        """The faces with those that meet the border of a chart first, and how many they are.
+
+        So are all faces of a chart in which some are mirrored, since a fold is a border as well.
+        """
+        is_open = (opposite_half_edges(self.faces) < 0).reshape(-1, 3)
+        at_border = np.zeros(len(self.uvs), dtype=bool)
+        for ends in (self.faces, np.roll(self.faces, -1, axis=1)):
+            at_border[ends[is_open]] = True
+        areas, charts = signed_areas(self.uvs[self.faces]), self.chart_ids[self.faces[:, 0]]
+        solid = (self.faces != np.roll(self.faces, 1, axis=1)).all(axis=1)
+        some_left, some_right = (
+            np.bincount(charts, solid & side) > 0.0 for side in (areas >= 0.0, areas <= 0.0)
+        )
+        outer = at_border[self.faces].any(axis=1) | (some_left & some_right)[charts]
+        order = np.argsort(~outer, kind="stable")
+        return np.ascontiguousarray(self.faces[order]), int(np.count_nonzero(outer))
 
 
 def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
