@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -55,13 +56,13 @@ class ChartPiece:
         """Area of the convex hull that the piece leaves empty."""
         return self.hull_area - self.area
 
-    @property
+    @cached_property
     def length(self) -> float:
         """Greatest extent of the coordinates, in any direction."""
         extents = _extents(self.uvs)
         return float((extents + np.roll(extents, len(extents) // 2)).max())
 
-    @property
+    @cached_property
     def border_lengths(self) -> FloatArray:
         """(k,) float64: lengths of the border's half-edges in space."""
         starts, ends = self.border_ends.T
