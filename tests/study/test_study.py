@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import DependencyError, MeshError, OptionError
-from texbake.mesh.shapes import cube, plane
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.study import plots
 from texbake.study.findings import findings, spread
 from texbake.study.knob import TRUTHS, Case, Evaluation, Knob, NotApplicable, Setting, knob_named
@@ -213,6 +213,15 @@ def test_a_high_poly_mesh_with_fewer_triangles_than_any_setting_does_not_fit():
     unfit = knob_named("low-poly").prepare(Case(cube(), cube()))
     assert isinstance(unfit, NotApplicable)
     assert "has 12 triangles, too few" in unfit.reason
+
+
+def test_normals_along_seams_are_nearly_those_of_the_surface():
+    """Edges turn by 7.5 degrees, and most are several texels long."""
+    ball = uv_sphere(24, 48)
+    bench = knob_named("atlas-quality").prepare(Case(ball, ball, quick=True, threads=1))
+    value = bench.settings[0].value
+    outcome = bench.judge(value, bench.work(value))
+    assert outcome.figures["seam error, mip level 0 (°)"] < 7.5 / 5
 
 
 def test_triangles_in_the_picture_are_counted_without_empty_pixels():
