@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from skimage.metrics import structural_similarity
 
 from tests.models import PAIRS, pair
 from texbake.baking.bake import bake
@@ -11,7 +12,7 @@ from texbake.errors import OptionError
 from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
-from texbake.rendering.compare import compare, compare_shapes
+from texbake.rendering.compare import compare, compare_shapes, structural_similarities
 from texbake.rendering.draw import draw
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles
@@ -31,6 +32,20 @@ def test_a_mesh_is_like_itself():
         assert closeness.outline_mismatch == closeness.depth_mismatch == 0.0
         assert closeness.n_pixels > 6 * 1000
     assert len(comparison.views) == 6
+
+
+@pytest.mark.parametrize("shape", [(70, 90, 3), (9, 8, 3), (4, 5, 1)])
+@pytest.mark.parametrize("window", [3, 5, 7])
+def test_the_similarity_is_that_of_scikit_image(shape: tuple[int, ...], window: int) -> None:
+    window = min(window, shape[0] - 1 + shape[0] % 2)
+    random = np.random.default_rng(1)
+    first = random.random(shape, np.float32)
+    second = np.clip(first + random.normal(0.0, 0.1, shape), 0.0, 1.0).astype(np.float32)
+    _, expected = structural_similarity(
+        first, second, data_range=1.0, channel_axis=2, full=True, win_size=window
+    )
+    found = structural_similarities(first, second, window)
+    assert found.dtype == np.float32 and np.abs(found - expected).max() < 1e-6
 
 
 def test_several_surfaces_are_compared_at_once():

@@ -392,9 +392,37 @@ def _similarity(first: FloatImage, second: FloatImage, seen: npt.NDArray[np.bool
     window = min(7, *(side - 1 + side % 2 for side in seen.shape))
     if window < 3:
         return math.nan
-    from skimage.metrics import structural_similarity
+    return float(structural_similarities(first, second, window)[seen].mean())
 
-    _, similarities = structural_similarity(
-        first, second, data_range=1.0, channel_axis=2, full=True, win_size=window
-    )
-    return float(similarities[seen].mean())
+
+# The constants of the paper for values from 0 to 1.
+_C1, _C2 = 0.01**2, 0.03**2
+
+
+def structural_similarities(first: FloatImage, second: FloatImage, window: int) -> FloatImage:
+    """SSIM (H, W, C) of the windows around each pixel of two pictures (H, W, C), of 0 to 1.
+
+    `window` is odd, in pixels. Variances are those of samples.
+    """
+    found = []
+    for x, y in zip(np.moveaxis(first, 2, 0), np.moveaxis(second, 2, 0), strict=True):
+        products = (x, y, x * x, y * y, x * y)
+        mean_x, mean_y, xx, yy, xy = (_window_means(values, window) for values in products)
+        unbiased = window**2 / (window**2 - 1)
+        variances = unbiased * (xx - mean_x * mean_x) + unbiased * (yy - mean_y * mean_y)
+        covariance = unbiased * (xy - mean_x * mean_y)
+        alike = (2 * mean_x * mean_y + _C1) * (2 * covariance + _C2)
+        found.append(alike / ((mean_x**2 + mean_y**2 + _C1) * (variances + _C2)))
+    return np.stack(found, axis=2)
+
+
+def _window_means(values: FloatImage, window: int) -> FloatImage:
+    """Means over windows around the pixels of (H, W); what lies past an edge mirrors the inside."""
+    means = np.pad(values, window // 2, "symmetric")
+    for _ in range(2):
+        wide = means.astype(np.float64)
+        sums = np.zeros_like(wide[window - 1 :])
+        for i in range(window):
+            sums += wide[i : i + len(sums)]
+        means = (sums / window).astype(np.float32).T
+    return means
