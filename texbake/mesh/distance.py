@@ -149,36 +149,50 @@ def surface_distance(
     if n_samples < 1:
         raise OptionError(f"n_samples: {n_samples} is too few; it must be at least 1")
     frame = LocalFrame.around(a, b)
-    positions_a, positions_b = frame.to_local(a.positions), frame.to_local(b.positions)
     bounds = np.stack([a.bounds, b.bounds])
     diagonal = pm.norm(frame.length_to_local(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)))
-
-    def one_sided(
-        positions: FloatArray, faces: IntArray, to_positions: FloatArray, to_faces: IntArray
-    ) -> OneSidedDistance:
-        tree = TriangleTree.build(to_positions, to_faces, threads=threads)
-        boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
-        n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
-        face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
-        samples = _points_on(positions, faces, face_ids, barycentrics)
-        of_samples, _, _ = tree.closest_points(samples, threads=threads)
-        vertices = _some_vertices(positions, faces, n)
-        of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
-        figures = (
-            max(of_samples.max(), of_vertices.max()),
-            np.quantile(of_samples, 0.99),
-            np.sqrt(np.square(of_samples).mean()),
-            of_samples.mean(),
-        )
-        most, p99, rms, mean = (float(frame.length_to_model(figure)) for figure in figures)
-        return OneSidedDistance(
-            max=most, p99=p99, rms=rms, mean=mean, n_samples=n, n_left_out=n_samples - n
-        )
-
+    places = frame.to_local(a.positions), frame.to_local(b.positions)
     return SurfaceDistance(
-        a_to_b=one_sided(positions_a, a.faces, positions_b, b.faces),
-        b_to_a=one_sided(positions_b, b.faces, positions_a, a.faces),
+        a_to_b=_one_sided(frame, (a, b), places, n_samples, seed, threads),
+        b_to_a=_one_sided(frame, (b, a), places[::-1], n_samples, seed, threads),
         diagonal=float(frame.length_to_model(diagonal)),
+    )
+
+
+def distance_to(mesh: Mesh, target: Mesh, *, threads: int | None = None) -> OneSidedDistance:
+    """Measure how far the points of a mesh lie from another: one way of `surface_distance`."""
+    frame = LocalFrame.around(mesh, target)
+    places = frame.to_local(mesh.positions), frame.to_local(target.positions)
+    return _one_sided(frame, (mesh, target), places, _DEFAULT_SAMPLES, 0, threads)
+
+
+def _one_sided(
+    frame: LocalFrame,
+    meshes: tuple[Mesh, Mesh],
+    places: tuple[FloatArray, FloatArray],
+    n_samples: int,
+    seed: int,
+    threads: int | None,
+) -> OneSidedDistance:
+    """From the first mesh to the second, whose positions in the frame are `places`."""
+    (positions, to_positions), faces = places, meshes[0].faces
+    tree = TriangleTree.build(to_positions, meshes[1].faces, threads=threads)
+    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
+    n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
+    face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
+    samples = _points_on(positions, faces, face_ids, barycentrics)
+    of_samples, _, _ = tree.closest_points(samples, threads=threads)
+    vertices = _some_vertices(positions, faces, n)
+    of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
+    figures = (
+        max(of_samples.max(), of_vertices.max()),
+        np.quantile(of_samples, 0.99),
+        np.sqrt(np.square(of_samples).mean()),
+        of_samples.mean(),
+    )
+    most, p99, rms, mean = (float(frame.length_to_model(figure)) for figure in figures)
+    return OneSidedDistance(
+        max=most, p99=p99, rms=rms, mean=mean, n_samples=n, n_left_out=n_samples - n
     )
 
 

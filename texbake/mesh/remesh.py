@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.distance import OneSidedDistance, face_areas, surface_distance
+from texbake.mesh.distance import OneSidedDistance, distance_to, face_areas
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -209,7 +209,7 @@ def remesh_with_report(
     wrapped, counts = run.remeshed(counts_cavities=True)
     seconds = time.perf_counter() - start
     with stages.stage("measure distance"):
-        distance = surface_distance(wrapped, mesh, threads=threads).a_to_b
+        distance = distance_to(wrapped, mesh, threads=threads)
     report = RemeshReport(
         n_faces_before=mesh.n_faces,
         n_faces=wrapped.n_faces,

@@ -53,7 +53,7 @@ class TriangleTree:
         boxes = np.empty((2 * len(faces), 6), dtype=np.float32)
         nodes = np.empty((2 * len(faces), 2), dtype=np.int32)
         n_nodes = core.build_triangle_tree(positions, faces, ids, codes, boxes, nodes)
-        return cls(positions, faces, ids, boxes[:n_nodes].copy(), nodes[:n_nodes].copy())
+        return cls(positions, faces, ids, boxes[:n_nodes], nodes[:n_nodes])
 
     def boxes_at_a_point(self) -> float:
         """Mean number of boxes that hold a point of the whole: of nodes, and of faces in leaves.
@@ -63,7 +63,9 @@ class TriangleTree:
         """
         extents = (self.boxes[:, 3:] - self.boxes[:, :3]).astype(np.float64)
         thin = np.maximum(_THIN * extents[0], 1e-300)
-        shares = np.prod((extents + thin) / (extents[0] + thin), axis=1)
+        extents += thin
+        extents /= extents[0].copy()
+        shares = np.prod(extents, axis=1)
         return float((shares * (1 + self.nodes[:, 1])).sum())
 
     def closest_points(
