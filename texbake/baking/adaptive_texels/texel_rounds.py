@@ -47,6 +47,8 @@ _GROWTHS = 1.2, 2.0
 _TIMED_SHARE, _TIMED_ROWS, _TIMED_RUNS = 1 / 16, 128, 8
 # Samples of the check lie far apart, and take this many times as long as others.
 _CHECK_COST = 1.3
+# Of more texels than this, some stand for all when work is predicted; it is off by less than 1 %.
+_MOST_PREDICTED = 1 << 18
 # Seconds to estimate all errors of a round, in those to estimate errors from the first samples.
 _ESTIMATES = 2.0
 # Share of the first samples after which their time is predicted, and how far it may be off.
@@ -193,21 +195,30 @@ def _of_first_samples(steps: FloatArray32) -> tuple[FloatArray32, FloatArray32]:
     A texel stands there with its 4 samples, and with 12 and 48 more for bounds for which as many
     before them would be too few.
     """
+    every = _texels_per_predicted(len(steps))
+    steps = steps[::every]
     steps = steps[ONE_SAMPLE * steps > 1.0]
     four = np.float32(FOUR_SAMPLES) * steps
     errors = np.concatenate([ONE_SAMPLE * steps, four, four / _FALL])
     costs = np.repeat(np.array([4.0, 12.0, 48.0], dtype=np.float32), len(steps))
-    return errors, costs
+    return errors, np.float32(every) * costs
+
+
+def _texels_per_predicted(n_texels: int) -> int:
+    # Odd, so that the texels lie in all columns.
+    return n_texels // _MOST_PREDICTED * 2 + 1
 
 
 def _further(refined: Refinement, bound: float) -> tuple[FloatArray32, FloatArray32]:
     """Errors after a round, in closest bounds, and the samples that each of them costs next."""
-    errors = np.float32(bound) * refined.errors
+    every = _texels_per_predicted(len(refined.errors))
+    errors = np.float32(bound) * refined.errors[::every]
     is_far = errors > 1.0
-    errors, levels = errors[is_far], refined.finest[is_far]
+    errors, levels = errors[is_far], refined.finest[::every][is_far]
     firsts, costs = _of_first_samples(errors[levels == 0] / ONE_SAMPLE)
     four, sixteen = errors[levels == 1], errors[levels == LAST_LEVEL - 1]
     more = np.repeat(
         np.array([16.0, 48.0, 24.0], dtype=np.float32), [len(four), len(four), len(sixteen)]
     )
-    return np.concatenate([firsts, four, four / _FALL, sixteen]), np.concatenate([costs, more])
+    costs = np.float32(every) * np.concatenate([costs, more])
+    return np.concatenate([firsts, four, four / _FALL, sixteen]), costs
