@@ -184,7 +184,8 @@ def run(
         # The author of a model with images has seen it: one-sided cards are intended.
         keep_open = materials is not None and materials.has_images
         turning, threads = options.orientation, options.threads
-        high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
+        with Stages(progress).stage("find outside"):
+            high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
         high = rule.of_high(high, threads=threads)
         # Seams are dropped, because the unwrap cuts new charts.
         maker = LowPolyMaker(

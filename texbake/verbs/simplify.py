@@ -92,6 +92,7 @@ def simplify_levels(
     from texbake.jobs.mesh_output import read_with_materials
     from texbake.jobs.outputs import check_mesh
     from texbake.mesh.objects import joined_objects
+    from texbake.progress import Stages
     from texbake.raycast.orientation import oriented
 
     options = options or SimplifyOptions(n_faces=levels[0][0])
@@ -106,7 +107,8 @@ def simplify_levels(
     read, materials = read_with_materials(mesh, progress)
     if options.join_objects:
         read = joined_objects(read)
-    high, turned = oriented(read, options.orientation, threads=threads)
+    with Stages(progress).stage("find outside"):
+        high, turned = oriented(read, options.orientation, threads=threads)
     results = []
     for count, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
