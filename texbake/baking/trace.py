@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -109,6 +110,9 @@ _SAMPLES_IN_CHUNKS = 1 << 22
 _SAMPLES_WITH_SECONDARY = 1 << 16
 # Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
 _SAMPLES_PER_BAND = 1 << 14
+# Rays are long if they go farther behind the low-poly surface than about so many triangles of the
+# high-poly mesh are wide. They go this share of it first.
+_LONG, _NEAR = 16.0, 0.25
 
 
 class Trace:
@@ -285,9 +289,12 @@ class Trace:
             return rays_of.rays(some, threads=1), self._field.places(some, grid)
 
         rays_at = make if scene.in_chunks else rows_of(*make(slice(None)))
-        ray_hits = scene.cast_in_order(
-            len(samples), rays_at, cull_back_faces=self.options.cull_back_faces, threads=threads
-        )
+        if scene.in_chunks:
+            ray_hits = scene.cast_in_order(
+                len(samples), make, cull_back_faces=self.options.cull_back_faces, threads=threads
+            )
+        else:
+            ray_hits = self._cast_near_first(*rays_at(slice(None)), threads)
 
         def fill(start: int, stop: int) -> None:
             band = slice(start, stop)
@@ -296,6 +303,27 @@ class Trace:
 
         run_bands(fill, len(samples), band=_SAMPLES_PER_BAND, threads=threads)
         return ray_hits
+
+    def _cast_near_first(self, rays: Rays, places: RayPlaces, threads: int | None) -> RayHits:
+        """Cast long rays a part of their way, and those that hit nothing there all of it.
+
+        Bundles of shorter rays are narrower, and meet fewer triangles of a rough surface.
+        """
+        scene, cull = self.scenes.high, self.options.cull_back_faces
+        mesh = scene.mesh
+        size = float(scene.frame.length_to_local(mesh.diagonal)) / math.sqrt(max(mesh.n_faces, 1))
+        backs = rays.lengths - rays.fronts
+        is_long = backs > _LONG * size
+        lengths = np.where(is_long, rays.fronts + _NEAR * backs, rays.lengths)
+        near = rows_of(replace(rays, lengths=lengths), places)
+        hits = scene.cast_in_order(len(rays), near, cull_back_faces=cull, threads=threads)
+        rows = np.flatnonzero(is_long & (hits.faces == NO_HIT))
+        if len(rows):
+            far = rows_of(rays.where(rows), places.where(rows))
+            found = scene.cast_in_order(len(rows), far, cull_back_faces=cull, threads=threads)
+            for column, values in zip(hits.arrays(), found.arrays(), strict=True):
+                column[rows] = values
+        return hits
 
     def _cast_again(
         self, samples: Samples, grid: SampleGrid, hits: Hits, threads: int | None
