@@ -210,7 +210,8 @@ class Outlines:
 
     def upright(self, angles: FloatArray) -> Outlines:
         """Rotate each chart permanently by an angle (C,)."""
-        return replace(self, uvs=self.turned(angles[:, None]).uvs[:, 0])
+        turned = ChartRotations.of(self.uvs, self.faces, self.chart_ids, angles[:, None])
+        return replace(self, uvs=turned.uvs[:, 0])
 
     def turned(self, angles: FloatArray) -> ChartRotations:
         """Rotations by `angles` (C, K)."""
