@@ -88,14 +88,14 @@ static int32_t *cut_out(
     return wedge_ids;
 }
 
-/* Collapse edges of the piece of faces start to stop - 1 until `n_wanted` are left. Writes, from row
-   `start` on, which wedge became which, the error, never less than that of the row before, and how
-   many faces went with it; rows that are left keep what they have. */
+/* Collapse edges of the piece of faces start to stop - 1 until `n_wanted` are left or an error is
+   above `most_error`. Writes, from row `start` on, which wedge became which, the error, never less
+   than that of the row before, and how many faces went with it. Rows that are left get no error. */
 EXPORT int64_t log_collapses(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const double points[n_vertices][3], const int32_t faces[n_faces][3],
     const bool is_shared[n_vertices], int64_t start, int64_t stop, int64_t n_wanted,
-    bool lock_boundary, int32_t gone[n_faces], int32_t kept[n_faces], float errors[n_faces],
+    float most_error, bool lock_boundary, int32_t gone[n_faces], int32_t kept[n_faces], float errors[n_faces],
     uint8_t n_gone_faces[n_faces])
 {
     OPEN_ARENA(arena);
@@ -108,7 +108,8 @@ EXPORT int64_t log_collapses(
     int32_t u;
     double cost;
     struct collapse collapse;
-    while (s.mesh.n_left > n_wanted && collapse_cheapest(&s, &u, &cost, &collapse)) {
+    while (s.mesh.n_left > n_wanted && error <= most_error
+           && collapse_cheapest(&s, &u, &cost, &collapse)) {
         error = (float)cost > error ? (float)cost : error;
         const int n_rows = collapse.wedges_u[0] == collapse.wedges_u[1] ? 1 : 2;
         for (int i = 0; i < n_rows; i++) {
@@ -117,6 +118,10 @@ EXPORT int64_t log_collapses(
             errors[row] = error;
             n_gone_faces[row++] = (uint8_t)(i == 0 ? collapse.n_faces : 0);
         }
+    }
+    for (int64_t empty = row; empty < stop; empty++) {
+        errors[empty] = INFINITY;
+        n_gone_faces[empty] = 0;
     }
     close_arena(arena);
     return row - start;
