@@ -20,6 +20,7 @@ def run() -> None:
     except SystemExit as end:
         close_stdout()
         end_at_once(end.code)
+        raise
     finally:
         close_stdout()
 

@@ -53,6 +53,17 @@ orders = pytest.mark.parametrize("order", ORDERS)
 SQUARE = [([0, 1, 2],), ([0, 2, 3],)]
 
 
+@pytest.mark.parametrize("n_letters", range(4))
+def test_the_indices_of_a_single_triangle_are_aligned(read, n_letters):
+    # Its row begins at any byte of the file.
+    flag = ("uchar", "x" * n_letters + "flag")
+    vertices = ("vertex", XYZ, POINTS)
+    file = ply(ORDERS[1], [vertices, ("face", [*POLYGON, flag], [([0, 1, 2], 7)])])
+    faces = read(file).faces
+    assert faces.flags.aligned
+    assert faces.tolist() == [[0, 1, 2]]
+
+
 @orders
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
 def test_triangles(read, order, end):

@@ -201,7 +201,7 @@ def _flattened(
 
 
 def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
-    values = np.ascontiguousarray(values)
+    values = np.require(values, requirements=["C", "A"])  # a column's rows may not be aligned
     if values.dtype == np.int32:
         return values
     if len(values) and not (
