@@ -104,7 +104,7 @@ def test_rays_through_triangles_that_overlap_are_bounded(monkeypatch):
     monkeypatch.setattr(orientation, "_BOXES_ALLOWED", 1_000_000)
     assert orientation._points_allowed(mesh) < free / 50.0
     parts = np.arange(n, dtype=np.int32)
-    points = orientation._points(mesh, parts, np.zeros(n, dtype=np.bool_), n)
+    points = orientation._points(mesh, np.ones(n), parts, np.zeros(n, dtype=np.bool_), n)
     assert 0 < points.left_out.sum() < n
     assert len(points.parts) <= orientation._points_allowed(mesh)
     assert not points.left_out[points.parts].any()

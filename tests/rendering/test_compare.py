@@ -12,7 +12,8 @@ from texbake.errors import OptionError
 from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
-from texbake.rendering.compare import compare, compare_shapes, structural_similarities
+from texbake.rendering.closeness import structural_similarities
+from texbake.rendering.compare import compare, compare_shapes
 from texbake.rendering.draw import draw
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles

@@ -312,9 +312,9 @@ class Trace:
         scene, cull = self.scenes.high, self.options.cull_back_faces
         mesh = scene.mesh
         size = float(scene.frame.length_to_local(mesh.diagonal)) / math.sqrt(max(mesh.n_faces, 1))
-        backs = rays.lengths - rays.fronts
-        is_long = backs > _LONG * size
-        lengths = np.where(is_long, rays.fronts + _NEAR * backs, rays.lengths)
+        fronts, lengths = rays.fronts, rays.lengths
+        is_long = lengths > fronts + _LONG * size
+        lengths = np.where(is_long, (1.0 - _NEAR) * fronts + _NEAR * lengths, lengths)
         near = rows_of(replace(rays, lengths=lengths), places)
         hits = scene.cast_in_order(len(rays), near, cull_back_faces=cull, threads=threads)
         rows = np.flatnonzero(is_long & (hits.faces == NO_HIT))

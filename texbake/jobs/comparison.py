@@ -14,7 +14,8 @@ from texbake.jobs.outputs import (
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import ProgressSink
-from texbake.rendering.compare import Closeness, Comparison, compare
+from texbake.rendering.closeness import Closeness
+from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.options import RenderOptions
 
 # Differences below which nobody sees which of two pictures is closer: in degrees of the mean of all
