@@ -338,6 +338,18 @@ def test_every_point_of_a_plot_is_labelled(quick_study):
             assert f">{item.setting.label}</text>" in svg
 
 
+def test_axes_leave_room_around_their_points():
+    from matplotlib.figure import Figure
+
+    axes = Figure().subplots()
+    dots = [plots.Dot(10.0**i, 10.0 ** (-3 * i), 10.0**i, 10.0**i, str(i), "red") for i in range(3)]
+    plots.draw_dots(axes, dots, [], [], label_size=8, x_label="seconds", x_format=str)
+    for limits, decades in ((axes.get_xlim(), (0.0, 2.0)), (axes.get_ylim(), (-6.0, 0.0))):
+        room = decades[0] - np.log10(limits[0]), np.log10(limits[1]) - decades[1]
+        assert room == pytest.approx((room[0], room[0]))
+        assert 0.1 < room[0] / (decades[1] - decades[0]) < 0.2
+
+
 def test_without_matplotlib_one_line_says_what_to_install(monkeypatch, quick_study, tmp_path):
     monkeypatch.setattr(plots, "find_spec", lambda name: None)
     with pytest.raises(DependencyError, match=r"texbake\[study\]"):
