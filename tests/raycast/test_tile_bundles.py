@@ -87,6 +87,19 @@ def test_hits_depend_on_no_bundle(seed):
     assert (alone.faces != NO_HIT).any()
 
 
+@pytest.mark.parametrize("in_bundles", [True, False])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
+def test_rays_that_are_not_finite_hit_nothing(value, in_bundles):
+    rays = inward(700, np.random.default_rng(5), 0.3)
+    rays.origins[::7, 0] = value
+    rays.directions[1::7, 1] = value
+    mesh = bumpy()
+    found = RayScene.build(mesh, LocalFrame.around(mesh)).cast(rays, in_bundles=in_bundles)
+    others = found.faces.reshape(-1, 7)
+    assert (others[:, :2] == NO_HIT).all()
+    assert (others[:, 2:] != NO_HIT).any(axis=0).all()
+
+
 CASTERS = [RayScene.build, EmbreexScene, PlainScene]
 
 

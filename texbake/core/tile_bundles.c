@@ -729,13 +729,19 @@ static void refine(
                             (u * bz + v * cz - oz) * dz;
 }
 
+/* Rays from farther away, or longer directions, would overflow in the box tests. */
+#define FARTHEST 1e30
+
 /* The axis along which a ray goes farthest, and whether it goes down, as one number; -1 for a ray
-   that goes nowhere. */
+   that goes nowhere, or that is not finite: it hits nothing. */
 static int heading(const struct rays *rays, int64_t i)
 {
     if (!(rays->lengths[i] > 0.0))
         return -1;
-    const double *d = rays->directions[i];
+    const double *d = rays->directions[i], *o = rays->origins[i];
+    for (int axis = 0; axis < 3; axis++)
+        if (!(fabs(o[axis]) < FARTHEST && fabs(d[axis]) < FARTHEST))
+            return -1;
     int z = 0;
     for (int axis = 1; axis < 3; axis++)
         if (fabs(d[axis]) > fabs(d[z]))
