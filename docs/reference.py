@@ -288,7 +288,7 @@ _FURTHER = (
     ("texbake.errors", "all other errors, each a `TexbakeError`: `UvError`, ..."),
     ("texbake.limits", "`raised_limits`"),
     ("texbake.verbs", "commands as functions from files to files: `map_bakes.bake_normals`, ..."),
-    ("texbake.jobs", "what commands share; output files are checked when they are written"),
+    ("texbake.jobs", "what commands share; `texbake.verbs` also checks outputs before it begins"),
     (
         "texbake.mesh",
         "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ...",
