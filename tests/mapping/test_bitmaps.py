@@ -13,6 +13,7 @@ from texbake.mapping.atlas.packing.bitmaps import (
     shapes_of,
 )
 from texbake.mapping.atlas.packing.refine import SearchLimits, pair_weights, separate
+from texbake.mesh.shapes import plane
 
 SEARCH = SearchLimits(samples=20, radius=8, step=4, patience=100, work=100_000_000)
 
@@ -63,7 +64,7 @@ def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
 
 @pytest.mark.parametrize("cell", [1, 2, 3, 5])
 @pytest.mark.parametrize("padding", [0, 1, 3, 8])
-def test_cells_are_kept_apart_whose_nearest_texels_are_too_near(padding: int, cell: int) -> None:
+def test_cells_with_texels_too_near_each_other_are_kept_apart(padding: int, cell: int) -> None:
     grid = PackingGrid.over((60 * cell, 50 * cell), padding, most_cells=60)
     assert grid.cell == cell
     reach = len(grid.half_widths) // 2
@@ -191,37 +192,26 @@ def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
     assert (np.add.reduceat(bitmaps.masks, bitmaps.starts.ravel()) == [1, 12]).all()
 
 
-def grid_charts(layouts: list[np.ndarray]) -> Outlines:
-    """Charts of squares in rows, each with the places of its 25 x 9 corners."""
-    corners = np.arange(25 * 9).reshape(25, 9)
-    a, b, c, d = (
-        part.ravel()
-        for part in (corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:])
-    )
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    ids = np.repeat(np.arange(len(layouts), dtype=np.int32), 25 * 9)
-    return Outlines(
-        uvs=np.concatenate(layouts),
-        faces=np.concatenate([faces + 25 * 9 * i for i in range(len(layouts))]).astype(np.int32),
-        chart_ids=ids,
-        n_charts=len(layouts),
-    )
-
-
 @pytest.mark.parametrize("margin", [-0.3, 0.0, 1 / 512, 0.6])
 @pytest.mark.parametrize("scale", [0.7, 4.0, 23.7])
 def test_cells_inside_a_chart_are_those_that_its_faces_touch(margin: float, scale: float) -> None:
-    u, v = (side.ravel() for side in np.meshgrid(np.arange(25.0), np.arange(9.0), indexing="ij"))
-    jitter = np.random.default_rng(7).uniform(-0.3, 0.3, (len(u), 2))
+    grid = plane(24, 8)
+    u, v = (grid.positions[:, :2] * [24.0, 8.0]).T
+    n, jitter = len(u), np.random.default_rng(7).uniform(-0.3, 0.3, (len(u), 2))
     turn, radius = u / 3.0, 4.0 + 0.2 * u + 0.5 * v
     layouts = [
-        np.stack([u, v], axis=1),  # on the lines of the cells
+        np.stack([u, v], axis=1),  # on the borders of cells
         np.stack([u, v], axis=1) + jitter,
-        np.stack([radius * np.cos(turn), -radius * np.sin(turn)], axis=1),  # over itself
+        np.stack([radius * np.cos(turn), -radius * np.sin(turn)], axis=1),  # overlapping itself
         np.stack([np.abs(u - 12.3), v], axis=1),  # folded
         np.stack([u * (1.0 - 1e-9 * v), v * 1e-9], axis=1),  # as thin as a line
     ]
-    charts = grid_charts(layouts)
+    charts = Outlines(
+        uvs=np.concatenate(layouts),
+        faces=np.concatenate([grid.faces + n * np.int32(i) for i in range(5)]),
+        chart_ids=np.repeat(np.arange(5, dtype=np.int32), n),
+        n_charts=5,
+    )
     angles = np.array([[0.0, 0.3, np.pi / 4.0]] * len(layouts))
     found = charts.turned(angles).bitmaps(scale, margin)
     alone = ChartRotations.of(charts.uvs, charts.faces, charts.chart_ids, angles)

@@ -42,7 +42,7 @@ def test_overlapping_faces_are_moved_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2])
-def test_two_faces_are_one_chart_among_many_that_touch_no_other(turn: int) -> None:
+def test_two_faces_are_one_chart_among_many_single_faces(turn: int) -> None:
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
     places = 2.0 * np.stack([*np.divmod(np.arange(1500), 50), np.zeros(1500)], axis=1)
     faces = np.concatenate(

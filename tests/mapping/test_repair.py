@@ -71,10 +71,11 @@ def test_no_chart_at_all() -> None:
     assert repaired(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
 
 
-def test_a_chart_without_area_becomes_points() -> None:
+def test_faces_of_a_chart_without_area_become_charts_of_their_own() -> None:
     for uvs in np.zeros((4, 2)), plane().uvs * [1.0, 0.0]:
         charts = repaired(plane(), uvs, np.zeros(4))
-        assert charts is not None and np.isfinite(charts.uvs).all()
+        assert charts is not None and charts.n_charts == 2
+        assert signed_areas(charts.uvs[charts.faces]) == pytest.approx([0.5, 0.5], rel=1e-12)
 
 
 def test_a_folded_face_is_laid_out_for_itself() -> None:

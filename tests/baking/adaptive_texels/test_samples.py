@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from tests.models import moved
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
@@ -223,7 +225,7 @@ def test_slivers_and_uncovered_centers_get_their_texels():
 
 
 def test_a_chart_in_another_part_of_the_texture_has_the_same_texels():
-    """Two charts of the same faces in a texture of several pieces, one half of it apart."""
+    """Two charts of the same faces, half a texture apart, in a texture of several pieces."""
     low = flat()
     place = low.uvs * [0.031, 0.37] + [0.011, 0.071]
     twice = low.replace(
@@ -240,15 +242,11 @@ def test_a_chart_in_another_part_of_the_texture_has_the_same_texels():
 def test_a_chart_beside_changes_no_texel():
     low, others = flat(), plane(6, 6)
     place = low.uvs * [0.43, 0.87] + [0.03, 0.04]
-    both = Mesh(
-        positions=np.concatenate([low.positions, others.positions + np.array([3.0, 0.0, 0.0])]),
-        faces=np.concatenate([low.faces, others.faces + low.n_vertices]),
-        uvs=np.concatenate([place, others.uvs * [0.43, 0.87] + [0.5, 0.05]]),
-        uv_faces=np.concatenate([low.uv_faces, others.uv_faces + len(place)]),
-    )
-    alone, beside = (
-        bake(ridge(at=0.123), each, options()) for each in (low.replace(uvs=place), both)
-    )
+    low = low.replace(uvs=place)
+    others = moved(others, by=(3.0, 0.0, 0.0))
+    others = others.replace(uvs=others.uvs * [0.43, 0.87] + [0.5, 0.05])
+    lows = low, join_meshes([low, others])
+    alone, beside = (bake(ridge(at=0.123), each, options()) for each in lows)
     data = alone.has_data
     found, expected = (result.maps["normal"].values[data] for result in (beside, alone))
     np.testing.assert_array_equal(found, expected)

@@ -56,17 +56,17 @@ def test_samples_of_earlier_rounds_are_not_cast_again(monkeypatch):
     assert by_error.counts.rays_cast <= by_time.counts.rays_cast < 1.2 * by_error.counts.rays_cast
 
 
-def test_the_samples_of_rounds_are_foreseen(monkeypatch):
-    """From the first samples, and less closely after a round of a wider bound."""
+def test_the_number_of_samples_of_a_round_is_predicted(monkeypatch):
+    """Closely from the first samples, and roughly after a round of a wider bound."""
     same = {"size": 48, "front": 0.1, "back": 0.1}
-    foreseen = []
+    predicted = []
     with monkeypatch.context() as patched:
         chosen_bounds(patched, [4096.0, 256.0, 64.0])
         choose = Rounds._next
 
         def spy(self, work):
             n = len(work) - 1  # the widest bound is 2^16 times the closest
-            foreseen.append([work[8 * n // 16], work[6 * n // 16]])
+            predicted.append([work[8 * n // 16], work[6 * n // 16]])
             return choose(self, work)
 
         patched.setattr(Rounds, "_next", spy)
@@ -75,8 +75,8 @@ def test_the_samples_of_rounds_are_foreseen(monkeypatch):
         bake(bumpy(), plane(), BakeOptions(**same, max_error=error)).report.counts.rays_cast
         for error in ("1.024deg", "0.256deg")
     )
-    assert foreseen[0] == pytest.approx([wide, near], rel=0.2)
-    assert 0.25 < foreseen[2][1] / (near - wide) < 4.0
+    assert predicted[0] == pytest.approx([wide, near], rel=0.2)
+    assert 0.25 < predicted[2][1] / (near - wide) < 4.0
 
 
 def test_ample_time_reaches_the_given_error_and_ends():

@@ -57,7 +57,7 @@ def test_each_setting_is_matched_with_the_fastest_that_is_as_accurate(contest):
     assert matches["default"].times_as_fast == pytest.approx(0.5)
 
 
-def test_json_has_what_was_measured_of_each_setting(contest):
+def test_json_has_the_measurements_of_each_setting(contest):
     for found, item in zip(contest.to_json()["settings"], contest.measurements, strict=True):
         figures = item.to_json()
         assert found["program"] == figures.pop("series")
