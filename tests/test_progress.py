@@ -61,7 +61,7 @@ def test_parts_of_one_name_add_up_and_are_not_shown():
 
 
 def test_each_moment_of_the_process_counts_for_the_innermost_stage(monkeypatch):
-    """The sum is the age of the process, however stages are nested, repeated or fail."""
+    """The sum is the age of the process, even if stages are nested or repeated, or fail."""
     clock = count(1.0)
     monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
     monkeypatch.setattr(progress, "process_age", lambda: 0.5)

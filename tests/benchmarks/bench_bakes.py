@@ -302,10 +302,10 @@ OPERATIONS = {"tree": ("triangle", 60), "rays and hits": ("ray", 430), "maps": (
 def scans(*files, faces=5_000, size=2048, rounds=3, out="", least=50_000):
     """Time of a normal map of real scans, beside Blender's, as whole processes.
 
-    Without files, all meshes of the data folder with at least `least` triangles. `texbake run`
-    makes the low-poly mesh; the bakes cast one ray per texel, first from 2 % of the diagonal in
-    front to 2 % behind, then, texbake alone, to distances that it measures. Seconds by the clock,
-    with reading and writing files. `out` keeps the pairs for the next run.
+    Without files, it takes all meshes of the data folder with at least `least` triangles. `texbake
+    run` makes the low-poly meshes. Both programs cast one ray per texel, from 2 % of the diagonal
+    in front to 2 % behind; texbake also bakes with distances that it measures. Times are seconds
+    by the clock, with reading and writing files. `out` keeps the pairs for the next run.
     """
     options = BenchOptions(blender=os.environ.get(BLENDER_VARIABLE))
     row = table("pair", "triangles", "given distances", "measured distances", "Blender",

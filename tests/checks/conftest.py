@@ -353,7 +353,7 @@ def faulty(request):
     params=sorted(CASES.keys() - {"extreme-size", "unmeasurable-size", "far-from-origin"})
 )
 def faulty_anywhere(request):
-    """Each fault, by its name, that has nothing to do with the size and place of a mesh."""
+    """Each fault that does not depend on the size and place of a mesh, with its name."""
     return request.param, CASES[request.param]()
 
 

@@ -151,7 +151,7 @@ def test_a_shell_inside_out_within_another():
     found = check(mesh).finding("inside-out-shells")
     assert found.count == 1
     assert set(found.faces.tolist()) == set(range(160, 240))
-    # A vertex of no face may lie anywhere, and so may all of them.
+    # A vertex without faces may lie anywhere, and so may the whole mesh.
     mesh = mesh.replace(positions=np.append(positions, [[1e30, 0.0, 0.0]], axis=0))
     for other in mesh, mesh.replace(positions=positions + 1e5):
         again = check(other).finding("inside-out-shells")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 # Each takes 40 ms or more to import; numpy takes as long, and no command on meshes is without it.
-# Below them, what no command on OBJ and PLY files needs, with all that it imports in turn.
+# Below them, modules of texbake that no command on OBJ and PLY files needs.
 HEAVY = frozenset({
     "OpenImageIO", "PIL", "jinja2", "matplotlib", "meshoptimizer", "pydantic",
     "pymeshlab", "rich", "scipy", "skimage", "ssl", "trimesh", "xatlas",

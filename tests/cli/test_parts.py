@@ -105,8 +105,8 @@ def test_sets_have_files_of_their_own(run, tmp_path):
     ]
 
 
-def test_why_rays_missed_is_said_of_the_worst_set(run):
-    """Rays that begin 0.15 above reach one part, and begin below the other."""
+def test_the_warning_gives_the_cause_of_the_misses_of_the_worst_set(run):
+    """Rays that start 0.15 in front reach one part, and start below the other."""
     ends = "--front 0.15 --back 0.1"
     done = run(f"high.obj low.obj --match-by-name --texture-sets groups --maps normal {ends}")
     assert "low-poly faces far from the high-poly mesh" in done.output

@@ -5,7 +5,7 @@
 
 An input must be read, or refused with a TexbakeError of one line, within `SECONDS` of processor
 time and `MEMORY`. `--bytes` also reads that many bytes of mutants of each format. Prints what is
-wrong with each input, and exits with 1 if anything is. `fuzz-findings` keeps the wrong inputs.
+wrong with an input, and exits with 1 if anything is. `fuzz-findings` keeps inputs that fail.
 If all formats are read, every function of the core must have been called in the end.
 """
 
@@ -102,7 +102,7 @@ def mutants_of(name: str, inputs: list[bytes], n_bytes: int, seed: int) -> Itera
 def wrong_with_inputs(
     name: str, inputs: list[Path] | None = None, *, n_bytes: int = 0, seed: int = 0
 ) -> Iterator[str]:
-    """Read the inputs of a format and mutants; yield what is wrong with each wrong one."""
+    """Read the inputs of a format and mutants; yield what is wrong with those that fail."""
     suffix, make, read = READ[name]
     with tempfile.TemporaryDirectory() as folder:
         seed_file = Path(folder) / f"seed{suffix}"

@@ -144,7 +144,7 @@ def changed(change: Change, mesh: Mesh) -> MeshPair:
 
 
 def _with(mesh: Mesh, names: tuple[str, ...], function: Callable[[Array], Array]) -> Mesh:
-    """The mesh with all of its arrays changed by a function."""
+    """The mesh, with a function applied to those of the named arrays that it has."""
     fields = {name: getattr(mesh, name) for name in names}
     return mesh.replace(**{name: function(a) for name, a in fields.items() if a is not None})
 

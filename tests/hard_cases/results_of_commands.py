@@ -1,7 +1,7 @@
 """The result of every command, as quantities with their bounds (see `invariance`).
 
-Where a command chooses (the next edge to collapse, the cut of a chart), a turn or another order
-breaks ties differently, and the bounds are on the quality of the result.
+Where a command chooses (the next edge to collapse, the cut of a chart), a rotation or another order
+breaks ties differently. The bounds are then those of the quality of the result.
 """
 
 from __future__ import annotations

@@ -182,7 +182,7 @@ def test_triangles_that_fill_the_voxels_many_times_are_refused_at_once(monkeypat
     assert 8 <= lower < 128
     texbake.remesh(mesh, texbake.RemeshOptions(resolution=lower))
     monkeypatch.undo()
-    monkeypatch.setattr(band, "_MOST_POINTS", 0.0)  # what fills no grid is never too much
+    monkeypatch.setattr(band, "_MOST_POINTS", 0.0)  # a mesh that fills no grid is never refused
     texbake.remesh(icosphere(), texbake.RemeshOptions(resolution=32))
 
 

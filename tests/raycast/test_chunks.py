@@ -163,7 +163,7 @@ def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh
     assert 0.9 * TREE_FACE * n < held + order <= TREE_FACE * n
 
 
-def test_a_cage_takes_memory_as_another_low_poly_mesh_does(pair: tuple[Mesh, Mesh]) -> None:
+def test_a_cage_takes_as_much_memory_as_a_low_poly_mesh(pair: tuple[Mesh, Mesh]) -> None:
     high, low = pair
     cage = low.replace(positions=1.1 * low.positions)
     for n_low, fits in (2 * low.n_faces, True), (2 * low.n_faces - 1, False):

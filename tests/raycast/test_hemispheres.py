@@ -39,7 +39,7 @@ def test_directions_are_unit_vectors_above_the_plane(n):
 
 @pytest.mark.parametrize("n", COUNTS)
 def test_directions_of_one_number_are_nearly_the_same_in_all_sets(n):
-    """Each number has its nth of the disk, so that boxes around them cover it about once."""
+    """Each number has its own nth of the disk. Boxes around them cover the disk about once."""
     boxes = np.ptp(direction_sets(n)[..., :2], axis=0).prod(axis=-1)
     assert boxes.sum() < 1.5 * np.pi
 

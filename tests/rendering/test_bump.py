@@ -381,7 +381,7 @@ def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second(s
         assert errors[name][0] / errors[name][1] == pytest.approx(order, rel=0.2)
 
 
-def test_a_step_along_the_light_is_half_the_longest_and_0_where_the_light_leads_nowhere():
+def test_a_step_along_the_light_is_half_the_longest_and_0_where_it_has_no_direction():
     """On triangles of the plane z = 0: the light is projected onto it, in units of u and v."""
     n, rng = 40, np.random.default_rng(3)
     points = np.append(rng.normal(size=(n, 3, 2)), np.zeros((n, 3, 1)), axis=2)
@@ -401,7 +401,7 @@ def test_a_step_along_the_light_is_half_the_longest_and_0_where_the_light_leads_
     nowhere = [0, 1, n - 1]
     np.testing.assert_array_equal(shifts[nowhere], 0.0)
     np.testing.assert_array_equal(lengths[nowhere], 0.0)
-    along = growth @ (points[:, 1:] - points[:, :1])  # the ways that u and v lead
+    along = growth @ (points[:, 1:] - points[:, :1])  # the directions of u and v
     for i in range(2, n - 1):
         toward = -light[i, :2] / np.linalg.norm(light[i])
         step = np.linalg.solve(along[i, :, :2].T, toward)

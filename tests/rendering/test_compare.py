@@ -184,7 +184,7 @@ def test_the_side_by_side_picture_holds_the_three_pictures():
     assert sheet.dtype == np.float32
     assert np.isfinite(sheet).all()
     assert 0.0 <= sheet.min() < sheet.max() <= 1.0
-    # A row of the dense mesh's picture, on paper, is found in it but for 8-bit rounding.
+    # It contains a row of the high-poly mesh's picture, on paper, but for 8-bit rounding.
     row = comparison.high_frame.color[45]
     start = int(row[:, 3].argmax()) - 1
     colors, opacity = np.split(row[start : start + 20], [3], axis=1)

@@ -398,7 +398,7 @@ def test_a_file_that_is_no_scene(tmp_path):
         ('shape = "icosphere"\nlevel = 8', 4),
         ('shape = "orange"\nn_triangles = 2_500_000', 2),
         ('shape = "cylinder"\nsides = 2_500_000', 1),
-        ('shape = "plane"\nresolution = [1000, 1500]', 2),  # with them, exactly as many as may be
+        ('shape = "plane"\nresolution = [1000, 1500]', 2),  # together exactly 6,000,000
     ],
 )
 def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(

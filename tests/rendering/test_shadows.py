@@ -334,8 +334,8 @@ def test_a_map_that_nothing_needs_is_left_out(case: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["directional", "point", "spot"])
-def test_no_object_is_left_out_that_shades_another(kind: str) -> None:
-    """Boxes at random places: where a line from a receiver to the light meets a caster."""
+def test_objects_that_shade_others_are_not_left_out(kind: str) -> None:
+    """Boxes at random places. One shades the other if lines from there to the light meet it."""
     random = np.random.default_rng(3)
     zero = np.zeros(3)
     n_shading = 0

@@ -475,7 +475,7 @@ def test_no_time_lies_farther_from_the_median_than_is_told():
     assert "within ±200 % of their median" in findings(result_of(item))[-1]
 
 
-def test_time_budgets_are_shares_of_the_time_of_16_samples(monkeypatch):
+def test_time_budgets_are_shares_of_the_time_that_16_samples_take(monkeypatch):
     from texbake.study.knobs import baked_maps
 
     ticks = iter((10.0, 14.0))

@@ -23,7 +23,7 @@ def test_each_cell_has_its_own_color_and_neighbors_differ_in_lightness() -> None
     assert min(step.min() for step in steps) > 0.05
 
 
-def test_hues_of_a_column_run_on_in_the_next() -> None:
+def test_hues_of_a_column_continue_in_the_next() -> None:
     colors = cells(checker_image(512, 16), 16)[:, :, 0, 0]
     last, after, before = colors[-1, 1:-1], colors[0, 2:], colors[0, :-2]
     away = [np.linalg.norm(last - first, axis=1) for first in (after, before)]

@@ -131,7 +131,7 @@ def test_wrong_input_is_one_clear_error() -> None:
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 5)] * 2, *[st.integers(1, 4)] * 2), max_size=5))
-def test_what_is_free_are_the_largest_rectangles_of_empty_texels(
+def test_free_places_are_the_largest_rectangles_of_empty_texels(
     taken: list[tuple[int, int, int, int]],
 ) -> None:
     empty, free = np.ones((7, 8), bool), [(0, 0, 8, 7)]
