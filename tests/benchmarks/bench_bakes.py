@@ -310,7 +310,6 @@ def scans(*files, faces=5_000, size=2048, rounds=3, out="", least=50_000):
     options = BenchOptions(blender=os.environ.get(BLENDER_VARIABLE))
     row = table("pair", "triangles", "given distances", "measured distances", "Blender",
                 "Blender / given", "Blender / measured")  # fmt: skip
-    ratios = []
     with tempfile.TemporaryDirectory() as folder:
         for file in map(Path, files or scan_files()):
             name = file.parent.name if file.stem == "high" else file.stem
@@ -338,12 +337,8 @@ def scans(*files, faces=5_000, size=2048, rounds=3, out="", least=50_000):
                 row(name, f"{n_faces:,}", *faults)
                 continue
             given, measured, blender = runs.values()
-            ratios += [blender.median / given.median, blender.median / measured.median]
             row(name, f"{n_faces:,}", given.cell(), measured.cell(), blender.cell(),
                 blender.times(given, 1), blender.times(measured, 1))  # fmt: skip
-    if ratios:
-        middle = np.median(ratios)
-        print(f"\nThe least of these ratios is {min(ratios):.1f}, the median {middle:.1f}.")
 
 
 def scan_files():
