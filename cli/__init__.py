@@ -51,10 +51,10 @@ def close_stdout() -> None:
 
 
 def end_at_once(code: object) -> None:
-    """End the process without taking its modules apart, which would take a tenth of a small bake.
+    """End the process. Its modules are not unloaded, which takes a tenth of a small bake.
 
-    Like a process of `multiprocessing`, it waits for its threads and calls what is to be called at
-    the end. Returns where `code` is not a number.
+    As in the child processes of `multiprocessing`, threads end and exit handlers run first. Returns
+    if `code` is not a number.
     """
     if isinstance(code, int | None):
         threading._shutdown()  # type: ignore[attr-defined]

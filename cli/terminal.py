@@ -39,7 +39,7 @@ class Terminal:
     quiet: bool = False
     # Print how long each stage took.
     verbose: bool = False
-    # of this process
+    # Seconds of each stage of this process.
     times: ProcessTimes = field(default_factory=ProcessTimes)
 
     @contextmanager
@@ -66,7 +66,7 @@ class Terminal:
             table(rows)
 
     def print_times(self) -> None:
-        """Print how long each stage took, and the process up to now, if that was asked for."""
+        """Print how long each stage took, and their sum, the age of the process, if asked to."""
         if self.verbose:
             peak, stages = peak_memory_bytes(), self.times.end()
             memory = "" if peak is None else f", peak memory {peak / 1e9:.2f} GB"

@@ -54,7 +54,7 @@ class RayProbe:
     into: RayHits
 
     def distances(self) -> FloatArray:
-        """(2, n) float64: how far it is out and in to a surface that faces as the mesh does."""
+        """(2, n) float64: distances out and in to a surface that faces as the mesh does."""
         # On its way out a ray meets the surface from behind, on its way in from the front.
         return np.stack(
             [

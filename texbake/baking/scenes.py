@@ -48,7 +48,7 @@ _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000
 # At most for all parts of a bake together, and at least for each part.
 _PARTS_POINTS, _PART_POINTS = 8 * _LOW_POINTS, 2_000
-# One of so many high-poly points is measured first, to know how near others add nothing.
+# One high-poly point of so many is measured first: points nearer than these need no exact distance.
 _FEW = 64
 # Points of the low-poly mesh for each of its faces, where distances are measured vertex by vertex.
 _POINTS_PER_FACE = 4

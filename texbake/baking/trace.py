@@ -110,8 +110,8 @@ _SAMPLES_IN_CHUNKS = 1 << 22
 _SAMPLES_WITH_SECONDARY = 1 << 16
 # Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
 _SAMPLES_PER_BAND = 1 << 14
-# Rays are long if they go farther behind the low-poly surface than about so many triangles of the
-# high-poly mesh are wide. They go this share of it first.
+# Rays are long if they go farther behind the low-poly surface than about `_LONG` times the width of
+# a high-poly triangle. They are first cast over `_NEAR` of that distance.
 _LONG, _NEAR = 16.0, 0.25
 
 
@@ -305,7 +305,7 @@ class Trace:
         return ray_hits
 
     def _cast_near_first(self, rays: Rays, places: RayPlaces, threads: int | None) -> RayHits:
-        """Cast long rays a part of their way, and those that hit nothing there all of it.
+        """Cast long rays over a part of their length, and over all of it if they hit nothing.
 
         Bundles of shorter rays are narrower, and meet fewer triangles of a rough surface.
         """

@@ -66,7 +66,7 @@ class LowPolyMaker:
     progress: ProgressSink | None = None
 
     def make(self, remesh: str, *, must_reach: bool = True) -> LowPoly:
-        """Reduce the mesh to a number of faces; if that is closer to it, from a wrap around it."""
+        """Reduce the mesh, or a wrap around it where that comes closer, to a number of faces."""
         if remesh == "always":
             low = self._choose_closest(self._simplify_wraps(None))
         else:

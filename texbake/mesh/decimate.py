@@ -47,10 +47,11 @@ _CROWDED_START, _CROWDED_START_TIMES = 1 << 12, 1.1
 _ROUND_TIMES = 8  # what a round in pieces reduces a mesh by, at most
 # Each piece may go down to this share of what it would keep if all were reduced alike.
 _PIECE_SHARE = 0.25
-# The last collapses of a piece, around what must stay at its border, take longest, and few of them
-# are used: their errors are above the limit of the round. Of one piece in so many all are made, to
-# guess that limit; the others stop where those would leave this share of the faces wanted. No guess
-# is made from few pieces, nor where they could not go far below the faces wanted.
+# The last collapses of a piece, around what must stay at its border, take longest. Few of them are
+# used, because their errors exceed the limit of the round. So one piece in `_PIECES_PER_SAMPLE` is
+# collapsed as far as possible, and the others stop at the error that would leave `_SAMPLE_SHARE` of
+# the wanted faces in those. There is no such error if there are fewer than `_LEAST_PIECES`, or if
+# the complete ones keep more than `_FAR_BELOW` of the wanted faces.
 _PIECES_PER_SAMPLE, _LEAST_PIECES, _SAMPLE_SHARE, _FAR_BELOW = 8, 32, 0.92, 0.6
 _MOST_ROUNDS = 6
 _ERROR_SHIFT = 15  # bits of a float32 that two errors may differ in and count as one
@@ -270,7 +271,7 @@ def _reduce_pieces(
     collapse(pieces[~is_first], guess)
     limit = _error_limit(errors, n_gone, n - n_wanted)
     if limit > guess:
-        collapse(pieces[~is_first], limit)  # with rows missing, it was too high if anything
+        collapse(pieces[~is_first], limit)  # rows were missing, so that it is at most this
         limit = _error_limit(errors, n_gone, n - n_wanted)
     n_left = core.apply_collapses(vertex_of, gone, kept, errors, limit, faces)
     return stream.restricted(faces[:n_left])

@@ -48,7 +48,7 @@ _MOST_OF_PART, _LEAST_OF_PART = 512, 16  # points of one part
 # A ray through triangles that overlap meets many of them. These bound all rays of a mesh together:
 # the largest parts get theirs first, and parts that get none are unclear.
 _RAYS_ALLOWED, _BOXES_ALLOWED = 1_000_000, 100_000_000
-_FACES_LOOKED_AT = 50_000  # boxes that rays meet are those of so many faces, evenly spread
+_FACES_LOOKED_AT = 50_000  # of all, evenly spread: the boxes that rays meet are estimated from them
 # Rays start this far from the surface, in local units.
 _OFFSET = 1e-6
 # How many standard deviations of chance the votes for one side must be ahead.

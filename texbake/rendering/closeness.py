@@ -137,7 +137,7 @@ def structural_similarities(first: FloatImage, second: FloatImage, window: int) 
 
 
 def _window_means(values: FloatImage, window: int) -> FloatImage:
-    """Means over windows around the pixels of (H, W); what lies past an edge mirrors the inside."""
+    """Means over windows around the pixels of (H, W); pixels beyond an edge mirror those inside."""
     means = np.pad(values, window // 2, "symmetric")
     for _ in range(2):
         wide = means.astype(np.float64)

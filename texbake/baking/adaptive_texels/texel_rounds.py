@@ -47,7 +47,7 @@ _GROWTHS = 1.2, 2.0
 _TIMED_SHARE, _TIMED_ROWS, _TIMED_RUNS = 1 / 16, 128, 8
 # Samples of the check lie far apart, and take this many times as long as others.
 _CHECK_COST = 1.3
-# Of more texels than this, some stand for all when work is predicted; it is off by less than 1 %.
+# The work of more texels than this is predicted from some of them, with an error below 1 %.
 _MOST_PREDICTED = 1 << 18
 # Seconds to estimate all errors of a round, in those to estimate errors from the first samples.
 _ESTIMATES = 2.0

@@ -186,7 +186,7 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
 
 
 def _checksum(faces: IntArray) -> npt.NDArray[np.uint8]:
-    import hashlib  # which few files need
+    import hashlib  # few files need it
 
     return np.frombuffer(hashlib.sha256(faces.tobytes()).digest(), np.uint8)
 

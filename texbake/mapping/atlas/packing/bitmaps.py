@@ -120,7 +120,7 @@ class ChartRotations:
     # low, extents: (C, K, 2) float64; lower left corner and size of each chart's bounding box.
     low: FloatArray
     extents: FloatArray
-    n_outer: int  # faces, the first ones, that lie at borders; all others lie within charts
+    n_outer: int  # number of faces at borders, which come before those within charts
 
     @classmethod
     def of(
@@ -222,7 +222,7 @@ class Outlines:
     def _outer_first(self) -> tuple[IntArray, int]:
         """The faces with those that meet the border of a chart first, and how many they are.
 
-        So are all faces of a chart in which some are mirrored, since a fold is a border as well.
+        A chart in which some faces are mirrored has only outer faces, since a fold is a border too.
         """
         is_open = (opposite_half_edges(self.faces) < 0).reshape(-1, 3)
         at_border = np.zeros(len(self.uvs), dtype=bool)
