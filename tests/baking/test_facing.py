@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models import moved
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
@@ -28,7 +29,7 @@ def values(result):
 
 
 @pytest.mark.parametrize("share", [1.0, 0.3])
-def test_what_faces_inwards_is_turned_over(share):
+def test_faces_that_face_inwards_are_flipped(share):
     """Whole shells, and faces of one shell that disagree with their neighbors."""
     low, high = uv_sphere(8, 12), dented()
     turned = np.random.default_rng(5).random(high.n_faces) < share
@@ -42,16 +43,14 @@ def test_what_faces_inwards_is_turned_over(share):
 
 
 @pytest.mark.parametrize("scale", [0.97, 1.03])
-def test_what_faces_inwards_beside_the_low_poly_mesh_is_turned_over(scale):
-    high = dented()
-    high = flipped(high.replace(positions=scale * high.positions))
+def test_faces_inside_and_outside_the_low_poly_mesh_are_flipped(scale):
+    high = flipped(moved(dented(), scale=scale))
     report = bake(high, uv_sphere(24, 36), OPTIONS).report
     assert report.orientation is not None and report.orientation.n_faces == high.n_faces
 
 
 def test_one_part_of_several():
-    apart = uv_sphere(8, 12)
-    apart = apart.replace(positions=apart.positions + np.array([4.0, 0.0, 0.0]))
+    apart = moved(uv_sphere(8, 12), by=(4.0, 0.0, 0.0))
     low = uv_sphere(8, 12)
     high = join_meshes([flipped(dented()), apart])
     report = bake(high, low, OPTIONS).report
@@ -72,8 +71,7 @@ def test_a_room_that_is_seen_from_within_stays_one():
     assert result.report.texels_missed == 0
     assert result.report.warnings == []
     # Even if an object in it faces inwards.
-    ball = uv_sphere(8, 12)
-    ball = ball.replace(positions=0.2 * ball.positions)
+    ball = moved(uv_sphere(8, 12), scale=0.2)
     report = bake(join_meshes([room, flipped(ball)]), join_meshes([room, ball]), OPTIONS).report
     assert report.orientation is not None and report.orientation.n_faces == 0
 

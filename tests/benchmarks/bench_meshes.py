@@ -110,7 +110,7 @@ BACKGROUND = (24, 26, 30)
 def models(*names, out="models", faces=0, picture=None):
     """`texbake run` on every model of the data folder: figures of each asset, and a sheet of all.
 
-    Models are single meshes, dense meshes of pairs, broken meshes and glTF models. Each gets
+    Models are single meshes, high-poly meshes of pairs, broken meshes and glTF models. Each gets
     --faces triangles, or a tenth of its own, 500 at least and 5,000 at most, and maps of 1024².
     Assets stay in the folder --out; a model whose asset is there already is not made again.
     --picture names a sheet with each model beside its asset.

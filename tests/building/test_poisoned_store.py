@@ -54,7 +54,7 @@ def test_a_manifest_cannot_name_a_file_outside(built, run, tmp_path, options):
     (tmp_path / "build" / "a.ply").unlink()
     before = {path for path in tmp_path.rglob("*.ply") if path.name == "evil.ply"}
     result, steps = run(built, **options)
-    assert steps == ["a.clean"]  # made anew
+    assert steps == ["a.clean"]  # made again
     assert not result.failed
     assert {path for path in tmp_path.rglob("*.ply") if path.name == "evil.ply"} == before
     assert (tmp_path / "build" / "a.ply").is_file()

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
-for room in (HERE, HERE.parent, HERE.parent / "rendering"):
-    if str(room) not in sys.path:
-        sys.path.insert(0, str(room))
+for folder in (HERE, HERE.parent, HERE.parent / "rendering"):
+    if str(folder) not in sys.path:
+        sys.path.insert(0, str(folder))
 
 Maker = Callable[[Path], None]
 Reader = Callable[[Path], Any]

@@ -89,7 +89,7 @@ def test_figures_of_a_known_stretch():
 
 
 def test_optimum_against_another_optimizer():
-    """The energy written down anew, with the slope of its inverses, and minimized by BFGS."""
+    """The energy and its slope by formulas of their own, minimized by BFGS."""
     from scipy.optimize import minimize
 
     points, faces = hemisphere(6)

@@ -231,7 +231,7 @@ def nothing_near(visibility):
     )
 
 
-# The classical rasterizer against the one that evaluates everything anew at each sample.
+# The classical rasterizer against the one that evaluates everything again at each sample.
 WIDTH, HEIGHT = 200, 150
 
 
