@@ -128,6 +128,26 @@ def test_neither_the_tree_nor_the_neighbors_of_a_ray_change_what_it_hits(name):
     )
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
+def test_rays_that_are_not_finite_hit_nothing_outside_the_tree(value):
+    """The last nodes of a level have children that do not exist."""
+    mesh = icosphere(4)
+    frame, domes, sets = single_rays(mesh, 512)
+    scene = RayScene.build(mesh, frame)
+    reach = OcclusionRange(1e-7, 1.0, 1.0)
+    sound = scene.cast_hemispheres(domes, sets, reach)
+    domes.points[::4, 0] = value
+    with np.errstate(over="ignore"):
+        domes.axes[1::4, 1] = value
+    met = scene.cast_hemispheres(domes, sets, reach)
+    assert (met[::4, OPEN] == 1.0).all() and (met[1::4, OPEN] == 1.0).all()
+    rest = np.arange(512) % 4 > 1
+    np.testing.assert_array_equal(met[rest], sound[rest])
+    assert (sound[rest, OPEN] < 1.0).any()
+    boxes = MortonTree.build(mesh, frame, threads=1).nodes[-1]
+    np.testing.assert_array_equal(np.isinf(boxes), np.tile(boxes[0] > boxes[3], (6, 1)))
+
+
 @pytest.mark.parametrize("level", [1, 4])
 def test_no_ray_leaves_a_closed_mesh_through_a_vertex(level):
     """Aimed exactly at every vertex and the middle of every edge, from one point."""

@@ -76,7 +76,7 @@ static float rounded_up(double x)
 static void bound_leaf(const leaf corners, int64_t n_lanes, node boxes, int64_t lane)
 {
     for (int axis = 0; axis < 3; axis++) {
-        double low = NOWHERE, high = -NOWHERE;
+        double low = INFINITY, high = -INFINITY;
         for (int corner = 0; corner < 3; corner++) {
             const double *row = corners[3 * corner + axis];
             for (int64_t k = 0; k < n_lanes; k++) {
@@ -100,7 +100,7 @@ EXPORT void fill_leaves(
     for (int64_t at = 0; at < n_nodes * WIDTH; at++) {
         if (at >= n_leaves) {
             for (int row = 0; row < 6; row++)
-                nodes[at / WIDTH][row][at % WIDTH] = row < 3 ? NOWHERE : -NOWHERE;
+                nodes[at / WIDTH][row][at % WIDTH] = row < 3 ? INFINITY : -INFINITY;
             continue;
         }
         const int64_t n_lanes = min_i64(n - at * WIDTH, WIDTH);
@@ -124,7 +124,7 @@ EXPORT void join_boxes(
 {
     for (int64_t at = 0; at < n_nodes * WIDTH; at++) {
         for (int row = 0; row < 6; row++) {
-            float bound = row < 3 ? NOWHERE : -NOWHERE;
+            float bound = row < 3 ? INFINITY : -INFINITY;
             if (at < n_children)
                 for (int k = 0; k < WIDTH; k++) {
                     const float other = children[at][row][k];

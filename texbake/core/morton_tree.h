@@ -17,7 +17,8 @@
 /* Corners of eight triangles: row 3 c + axis holds that coordinate of corner c of all of them. */
 typedef double leaf[9][WIDTH];
 
-/* Boxes: least x, y, z, then greatest. Where there is no child, the least exceeds the greatest. */
+/* Boxes: least x, y, z, then greatest. Where there is no child, the least are infinite and the greatest
+   minus infinite: no ray meets such a box, not even one with a NaN. */
 typedef float node[6][WIDTH];
 
 /* The lowest ten bits of a cell's number with two zeros between them; NaN is in the first cell. */

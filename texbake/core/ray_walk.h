@@ -1,4 +1,5 @@
-/* Single rays on their way through a tree: which boxes of a node a ray meets.
+/* The walk of a single ray through a tree: which boxes of a node it meets, and which triangles of a
+   leaf it may meet.
 
    A ray is tested against the eight boxes of a node at a time, in float32; the boxes are enlarged
    by more than the rounding error. */

@@ -471,7 +471,7 @@ static inline void fetch_early(const struct ray_tree *tree, int level, int64_t a
 
 /* Walk the tree, the nearer boxes first. With a batch, its rays are tested against the leaves, some
    leaves at a time; the last ones are left in it. */
-static void walk(
+static void walk_tree(
     struct bundle *bundle, struct batch *batch, const struct ray_tree *tree,
     const struct results *results)
 {
@@ -729,7 +729,8 @@ static void refine(
                             (u * bz + v * cz - oz) * dz;
 }
 
-/* Rays from farther away, or longer directions, would overflow in the box tests. */
+/* Rays from farther away, or longer directions, would overflow in the sums over a bundle, which the
+   other rays of it share. */
 #define FARTHEST 1e30
 
 /* The axis along which a ray goes farthest, and whether it goes down, as one number; -1 for a ray
@@ -915,7 +916,7 @@ static void cast_batch(
     batch->n_leaves = 0;
     for (int64_t k = 0; k < n; k++)
         start_alone(&batch->rays[k], chosen[k], tree, rays);
-    walk(bundle, batch, tree, results);
+    walk_tree(bundle, batch, tree, results);
     test_batch(batch, (int)n, tree, results);
     for (int64_t k = 0; k < n; k++)
         refine_alone(&batch->rays[k], tree, rays, results);
@@ -947,7 +948,7 @@ static void cast_bundle(
         cast_batch(n, chosen, tree, rays, results, bundle, batch);
         return;
     }
-    walk(bundle, NULL, tree, results);
+    walk_tree(bundle, NULL, tree, results);
     for (int64_t k = 0; k < n; k++) {
         results->nearest[chosen[k]] = bundle->nearest[places[k]];
         if (bundle->slots[places[k]] >= 0) {
