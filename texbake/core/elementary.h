@@ -338,6 +338,17 @@ static inline struct double_double reduce_large(double x, int64_t *quarter)
     return rest;
 }
 
+/* An angle minus n pi / 2. Three parts of pi / 2 of 33 bits, whose products with n are exact, and the
+   rest. */
+static inline struct double_double less_quarters(double x, double n)
+{
+    const struct double_double first =
+        exact_sum(x - n * 0x1.921fb54400000p+0, -(n * 0x1.0b4611a600000p-34));
+    const struct double_double second = exact_sum(first.high, -(n * 0x1.3198a2e000000p-69));
+    return renormalized(
+        second.high, second.low + (first.low - n * 0x1.b839a252049c1p-104));
+}
+
 /* The angle minus the nearest multiple of pi / 2, and that multiple modulo 4. */
 static inline struct double_double reduce_angle(double x, int64_t *quarter)
 {
@@ -345,14 +356,7 @@ static inline struct double_double reduce_angle(double x, int64_t *quarter)
         return reduce_large(x, quarter);
     const double n = floor(x * 0x1.45f306dc9c883p-1 + 0.5);
     *quarter = (int64_t)n & 3;
-    if (n == 0.0)
-        return (struct double_double){x, 0.0};
-    /* Three parts of pi / 2 of 33 bits, whose products with n are exact, and the rest. */
-    const struct double_double first =
-        exact_sum(x - n * 0x1.921fb54400000p+0, -(n * 0x1.0b4611a600000p-34));
-    const struct double_double second = exact_sum(first.high, -(n * 0x1.3198a2e000000p-69));
-    return renormalized(
-        second.high, second.low + (first.low - n * 0x1.b839a252049c1p-104));
+    return n == 0.0 ? (struct double_double){x, 0.0} : less_quarters(x, n);
 }
 
 /* Sine and cosine of an angle of at most pi / 4. */
@@ -482,6 +486,12 @@ static inline double angle_of(struct double_double y, struct double_double x)
     return up * dd_sum(axis, (struct double_double){side * angle.high, side * angle.low}).high;
 }
 
+/* portable_atan2 for two numbers of similar size, without a branch. */
+static inline double plain_atan2(double y, double x)
+{
+    return angle_of((struct double_double){y, 0.0}, (struct double_double){x, 0.0});
+}
+
 static inline double portable_atan2(double y, double x)
 {
     if (x != x || y != y)
@@ -501,7 +511,7 @@ static inline double portable_atan2(double y, double x)
         x *= scale;
         y *= scale;
     }
-    return angle_of((struct double_double){y, 0.0}, (struct double_double){x, 0.0});
+    return plain_atan2(y, x);
 }
 
 /* portable_atan2(y, x), for loops with vector instructions: y is positive, and neither is above 2^500
@@ -509,8 +519,7 @@ static inline double portable_atan2(double y, double x)
 static inline double positive_atan2(double y, double x)
 {
     const double scale = y < 0x1p-500 && fabs(x) < 0x1p-500 ? 0x1p600 : 1.0;
-    return angle_of(
-        (struct double_double){scale * y, 0.0}, (struct double_double){scale * x, 0.0});
+    return plain_atan2(scale * y, scale * x);
 }
 
 static inline double portable_atan(double x) { return portable_atan2(x, 1.0); }
@@ -575,11 +584,6 @@ static inline double plain_hypot(double x, double y)
     return root + (((square.high - back.high) - back.low) + square.low) / (2.0 * root);
 }
 
-static inline double plain_atan2(double y, double x)
-{
-    return angle_of((struct double_double){y, 0.0}, (struct double_double){x, 0.0});
-}
-
 struct direction {
     double cosine, sine;
 };
@@ -587,11 +591,7 @@ struct direction {
 static inline struct direction plain_direction(double x)
 {
     const double n = floor(x * 0x1.45f306dc9c883p-1 + 0.5);
-    const struct double_double first =
-        exact_sum(x - n * 0x1.921fb54400000p+0, -(n * 0x1.0b4611a600000p-34));
-    const struct double_double second = exact_sum(first.high, -(n * 0x1.3198a2e000000p-69));
-    const struct double_double angle = renormalized(
-        second.high, second.low + (first.low - n * 0x1.b839a252049c1p-104));
+    const struct double_double angle = less_quarters(x, n);
     const double cosine = dd_cos(angle).high, sine = dd_sin(angle).high;
     const bool is_odd_quarter = (n == 1.0) | (n == -1.0), is_half = (n == 2.0) | (n == -2.0);
     const double along = is_odd_quarter ? sine : cosine, up = is_odd_quarter ? cosine : sine;
