@@ -39,7 +39,7 @@ static struct extent extent_between(
     return extent;
 }
 
-/* Cells on which rounding has no bearing. */
+/* More than coordinates can be wrong by rounding, in cells. */
 static const double ROUNDING = 1e-6;
 
 /* Whether all cells of some rows and columns are marked. */

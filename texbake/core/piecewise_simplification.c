@@ -90,13 +90,13 @@ static int32_t *cut_out(
 
 /* Collapse edges of the piece of faces start to stop - 1 until `n_wanted` are left or an error is
    above `most_error`. Writes, from row `start` on, which wedge became which, the error, never less
-   than that of the row before, and how many faces went with it. Rows that are left get no error. */
+   than that of the row before, and how many faces went with it. The remaining rows get an infinite error. */
 EXPORT int64_t log_collapses(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
     const double points[n_vertices][3], const int32_t faces[n_faces][3],
     const bool is_shared[n_vertices], int64_t start, int64_t stop, int64_t n_wanted,
-    float most_error, bool lock_boundary, int32_t gone[n_faces], int32_t kept[n_faces], float errors[n_faces],
-    uint8_t n_gone_faces[n_faces])
+    float most_error, bool lock_boundary, int32_t gone[n_faces], int32_t kept[n_faces],
+    float errors[n_faces], uint8_t n_gone_faces[n_faces])
 {
     OPEN_ARENA(arena);
     struct simplification s = {.moves = false};
