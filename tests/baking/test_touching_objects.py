@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from tests.models import moved
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_objects
@@ -14,7 +15,7 @@ from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.options import RunOptions
 from texbake.jobs.run import run
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.compose import join_meshes, transformed
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
@@ -44,18 +45,13 @@ def boxes(*places):
     return [box(*place, BEVEL) for place in places], [box(*place) for place in places]
 
 
-def moved(mesh, offset, scale=1.0):
-    matrix = np.diag([scale, scale, scale, 1.0])
-    matrix[:3, 3] = offset
-    return transformed(mesh, matrix)
-
-
 def knob(sides):
-    return moved(make("cylinder", sides=sides, caps=True, height=0.5), (0.0, 0.35, 0.0), 0.6)
+    cylinder = make("cylinder", sides=sides, caps=True, height=0.5)
+    return moved(cylinder, scale=0.6, by=(0.0, 0.35, 0.0))
 
 
 def cloth(levels):
-    return [icosphere(levels), moved(icosphere(levels), (0.0, 0.0, 0.0), 1.01)]
+    return [icosphere(levels), moved(icosphere(levels), scale=1.01)]
 
 
 PLATE = ((0.0, 0.0, 0.0), (4.0, 0.4, 4.0))
@@ -145,7 +141,7 @@ SHORT = {"back": 0.001}
         (lambda low: low, {"front": 0.001, **SHORT}, "^front, back: "),
         (lambda low: low, {"cage": True, **SHORT}, "the cage is below"),
         (lifted, {}, "far from the high-poly mesh"),
-        (lambda low: moved(low, (0, 0, 0), 1.3), {"front": 0.001, **SHORT}, "times as large"),
+        (lambda low: moved(low, scale=1.3), {"front": 0.001, **SHORT}, "times as large"),
         (lambda low: low.replace(faces=low.faces[:, ::-1], uv_faces=low.uv_faces[:, ::-1]),
          {"orientation": "keep"}, "faces against"),
     ],

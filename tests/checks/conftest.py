@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from tests.models import moved
 from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
@@ -49,10 +50,6 @@ def squares(*places):
         faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
     uvs = np.array(uvs, float)
     return flat(Mesh(positions=np.array(positions), faces=faces, uvs=uvs, uv_faces=faces))
-
-
-def moved(mesh, offset):
-    return mesh.replace(positions=mesh.positions + offset)
 
 
 def cuboid(x, y, z):
@@ -136,7 +133,7 @@ def inside_out_shells():
 
 
 def far_from_origin():
-    return Case(moved(smooth(icosphere(1)), 1e5), None, 1, set())
+    return Case(moved(smooth(icosphere(1)), by=1e5), None, 1, set())
 
 
 def extreme_size():
@@ -266,7 +263,7 @@ def differing_scale():
 
 
 def differing_place():
-    return Case(moved(FINE_SHEET, [0, 0, 3]), SHEET, 1, set())
+    return Case(moved(FINE_SHEET, by=(0, 0, 3)), SHEET, 1, set())
 
 
 def differing_axes():
