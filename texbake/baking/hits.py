@@ -88,12 +88,6 @@ class Hits(Rows):
 
         return self.computed(values.shape[1], interpolate, threads)
 
-    def take(self, others: Hits, rows: npt.NDArray[np.intp]) -> None:
-        """Replace rows by those of other hits, in place."""
-        for column, other in zip(self.arrays(), others.arrays(), strict=True):
-            if column is not None:
-                column[rows] = other
-
     def fill(self, samples: Samples, rays: Rays, ray_hits: RayHits, frame: LocalFrame) -> None:
         """Fill in the rows of samples, in place, from what their rays hit.
 

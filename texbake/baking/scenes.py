@@ -283,13 +283,10 @@ def _cast_farther(scene: RayScene, probe: RayProbe, limit: float) -> RayProbe:
         ]
     )
     found = scene.cast(rays, cull_back_faces=False)
-    sides = []
-    for side, old in enumerate((probe.out, probe.into)):
-        hits = RayHits.joined([old])
-        for column, new in zip(hits.arrays(), found.arrays(), strict=True):
-            column[rows] = new[side * len(rows) : (side + 1) * len(rows)]
-        sides.append(hits)
-    return RayProbe(probe.faces, probe.inward, *sides)
+    out, into = (RayHits.joined([hits]) for hits in (probe.out, probe.into))
+    out.take(found.where(slice(len(rows))), rows)
+    into.take(found.where(slice(len(rows), None)), rows)
+    return RayProbe(probe.faces, probe.inward, out, into)
 
 
 def _greatest(distances: FloatArray) -> float:

@@ -288,12 +288,13 @@ class Trace:
             some = samples.where(band)
             return rays_of.rays(some, threads=1), self._field.places(some, grid)
 
-        rays_at = make if scene.in_chunks else rows_of(*make(slice(None)))
         if scene.in_chunks:
+            rays_at, cull = make, self.options.cull_back_faces
             ray_hits = scene.cast_in_order(
-                len(samples), make, cull_back_faces=self.options.cull_back_faces, threads=threads
+                len(samples), rays_at, cull_back_faces=cull, threads=threads
             )
         else:
+            rays_at = rows_of(*make(slice(None)))
             ray_hits = self._cast_near_first(*rays_at(slice(None)), threads)
 
         def fill(start: int, stop: int) -> None:
@@ -320,9 +321,8 @@ class Trace:
         rows = np.flatnonzero(is_long & (hits.faces == NO_HIT))
         if len(rows):
             far = rows_of(rays.where(rows), places.where(rows))
-            found = scene.cast_in_order(len(rows), far, cull_back_faces=cull, threads=threads)
-            for column, values in zip(hits.arrays(), found.arrays(), strict=True):
-                column[rows] = values
+            far_hits = scene.cast_in_order(len(rows), far, cull_back_faces=cull, threads=threads)
+            hits.take(far_hits, rows)
         return hits
 
     def _cast_again(

@@ -49,6 +49,12 @@ class Rows:
         """Return the rows that a mask, indices or a slice select; a slice gives views."""
         return type(self)(*(None if array is None else array[chosen] for array in self.arrays()))
 
+    def take(self, others: Self, rows: npt.NDArray[np.intp]) -> None:
+        """Replace rows by those of others, in place."""
+        for column, other in zip(self.arrays(), others.arrays(), strict=True):
+            if column is not None:
+                column[rows] = other
+
     @classmethod
     def joined(cls, parts: list[Self]) -> Self:
         """Concatenate the rows of several values of the same class, in their order."""

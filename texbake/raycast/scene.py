@@ -136,8 +136,7 @@ class RayScene:
         make = rows_of(rays.where(order), RayPlaces(groups))
         sorted_hits = self.cast_in_order(len(rays), make, cull_back_faces=cull_back_faces)
         hits = RayHits.misses(len(rays))
-        for mine, theirs in zip(hits.arrays(), sorted_hits.arrays(), strict=True):
-            mine[order] = theirs
+        hits.take(sorted_hits, order)
         return hits
 
     def cast_in_order(
