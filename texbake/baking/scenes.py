@@ -297,8 +297,9 @@ _POINTS = 4096
 # Share of the points at which the surfaces may face against each other, as thin walls do here and
 # there, before the high-poly mesh is examined.
 _TOLERATED = 0.01
-# How far to look, in the local frame, whose unit is about the size of both meshes.
-_REACH = 4.0
+# How far to look first, and where nothing is so near, in the local frame, whose unit is about the
+# size of both meshes. Bundles of long rays meet most of the mesh.
+_NEAR_REACH, _REACH = 1.0 / 64.0, 4.0
 
 
 def face_outwards(
@@ -314,11 +315,11 @@ def face_outwards(
     nothing = OrientationReport(mesh=high.name)
     if options.orientation == "keep" or isinstance(high, StreamedMesh) or scenes.high.in_chunks:
         return inputs, scenes, nothing
-    with stages.part("measure distances"):
+    with stages.part("find outside"):
         against = _share_against(scenes, inputs.low, options.rays)
     if against <= _TOLERATED:
         return inputs, scenes, nothing
-    with stages.stage("find which side is outside"):
+    with stages.stage("find outside"):
         turned, report = oriented_in(high, scenes.high)
     if turned is high:
         return inputs, scenes, report
@@ -332,7 +333,8 @@ def face_outwards(
 
 def _share_against(scenes: BakeScenes, low: Mesh, kind: str) -> float:
     """Share of points of the low-poly mesh whose nearest high-poly surface faces against them."""
-    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH)
+    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _NEAR_REACH)
+    probe = _cast_farther(scenes.high, probe, _REACH)
     out, into = probe.out, probe.into
     distances = [np.where(hits.faces == NO_HIT, np.inf, hits.distances) for hits in (out, into)]
     # A ray that goes out meets a surface from behind, one that goes in from the front.

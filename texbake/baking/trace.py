@@ -288,14 +288,14 @@ class Trace:
             some = samples.where(band)
             return rays_of.rays(some, threads=1), self._field.places(some, grid)
 
-        if scene.in_chunks:
+        if not scene.in_chunks:
+            rays_at = rows_of(*make(slice(None)))
+            ray_hits = self._cast_near_first(*rays_at(slice(None)), threads)
+        else:
             rays_at, cull = make, self.options.cull_back_faces
             ray_hits = scene.cast_in_order(
                 len(samples), rays_at, cull_back_faces=cull, threads=threads
             )
-        else:
-            rays_at = rows_of(*make(slice(None)))
-            ray_hits = self._cast_near_first(*rays_at(slice(None)), threads)
 
         def fill(start: int, stop: int) -> None:
             band = slice(start, stop)
