@@ -182,15 +182,16 @@ def measure_extent(scene: RayScene, low: Mesh, kind: str) -> RayExtent:
 
 def _measured(scene: RayScene, low: Mesh, kind: str, n_points: int) -> tuple[RayExtent, RayProbe]:
     """As `measure_extent`; also return what the rays of the low-poly mesh met."""
-    points = _spread_points(scene.source)
-    few = _from_high(scene, low, points[::_FEW], (0.0, 0.0))
-    out_high, in_high = _from_high(scene, low, points, few)
+    points, positions = _spread_points(scene.source), scene.frame.to_local(low.positions)
+    tree = TriangleTree.build(positions, low.faces, threads=scene.threads)
+    few = _from_high(scene, tree, points[::_FEW], (0.0, 0.0))
+    out_high, in_high = _from_high(scene, tree, points, few)
     limit = 2.0 * max(out_high, in_high) + LEAST_EXTENT
     probe = probe_both_ways(scene, low, kind, n_points, limit)
     if ((probe.out.faces == NO_HIT) & (probe.into.faces == NO_HIT)).any():
         # The corners of a bevel may lie on the low-poly surface, and all that is between them deep
         # below it.
-        mid = _from_high(scene, low, _middles(scene.source), (out_high, in_high))
+        mid = _from_high(scene, tree, _middles(scene.source), (out_high, in_high))
         if max(mid) > max(out_high, in_high):
             out_high, in_high = mid
             probe = _cast_farther(scene, probe, 2.0 * max(out_high, in_high) + LEAST_EXTENT)
@@ -204,19 +205,16 @@ def _measured(scene: RayScene, low: Mesh, kind: str, n_points: int) -> tuple[Ray
 
 
 def _from_high(
-    scene: RayScene, low: Mesh, points: FloatArray, known: tuple[float, float]
+    scene: RayScene, low: TriangleTree, points: FloatArray, known: tuple[float, float]
 ) -> tuple[float, float]:
     """Greatest local distance of high-poly points outside and inside the low-poly surface.
 
     `known`: distances that are reached already; nearer points are not measured exactly.
     """
-    frame, threads, enough = scene.frame, scene.threads, min(known)
-    positions = frame.to_local(low.positions)
-    tree = TriangleTree.build(positions, low.faces, threads=threads)
-    points = frame.to_local(points)
-    distances, faces, weights = tree.closest_points(points, enough=enough, threads=threads)
+    points, enough = scene.frame.to_local(points), min(known)
+    distances, faces, weights = low.closest_points(points, enough=enough, threads=scene.threads)
     far = distances > enough
-    corners = positions[low.faces[faces[far]]]
+    corners = low.positions[low.faces[faces[far]]]
     closest = pm.vecmat(weights[far], corners)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     outside = pm.vecdot(points[far] - closest, normals) >= 0.0
