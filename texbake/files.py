@@ -10,16 +10,18 @@ import shutil
 import stat
 import tempfile
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sized
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from itertools import chain
 from pathlib import Path
+from typing import TypeVar
 
 from texbake.errors import FileError, FileFormatError
 from texbake.unfinished import MOVING, PREFIX, scratch_prefix, unfinished_name
 
 PathLike = str | os.PathLike[str]
+Content = TypeVar("Content", bound=Sized)
 
 
 class _Waiting:
@@ -88,12 +90,17 @@ def is_folder(path: PathLike) -> bool:
 
 def read_bytes(path: PathLike) -> bytes:
     """Read the bytes of a file."""
+    return read_whole(path, Path.read_bytes)
+
+
+def read_whole(path: PathLike, read: Callable[[Path], Content]) -> Content:
+    """Return what `read` makes of a file; raise where it cannot be read, or is empty."""
     require_file(path)
     try:
-        content = Path(path).read_bytes()
+        content = read(Path(path))
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if not content:
+    if len(content) == 0:
         raise FileFormatError(f"{path}: the file is empty; write it again")
     return content
 

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, counted, one_line, quoted, shortened
-from texbake.files import PathLike, read_bytes, require_file
+from texbake.errors import FileFormatError, counted, one_line, quoted, shortened
+from texbake.files import PathLike, read_whole
 from texbake.limits import LONGEST_NAME
 
 ByteArray = npt.NDArray[np.uint8]
@@ -32,13 +32,7 @@ def read_array(path: PathLike) -> ByteArray:
     Parsers in the core go over a file several times, and its content must not change meanwhile. So
     it is not mapped, except by `texbake.mesh.streamed`.
     """
-    require_file(path)
-    try:
-        data = np.fromfile(path, dtype=np.uint8)
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
-    if len(data) == 0:
-        raise FileFormatError(f"{path}: the file is empty; write it again")
+    data = read_whole(path, lambda place: np.fromfile(place, dtype=np.uint8))
     data.flags.writeable = False
     return data
 
@@ -172,7 +166,7 @@ class TextLine(NamedTuple):
 
 def read_lines(path: PathLike, kind: str) -> list[TextLine]:
     """Words of each line; blanks and commas separate them, `#` begins a comment, empty lines go."""
-    content = text_of(path, np.frombuffer(read_bytes(path), np.uint8), kind)
+    content = text_of(path, read_array(path), kind)
     try:
         text = content.tobytes().decode("utf-8")
     except UnicodeDecodeError as error:
