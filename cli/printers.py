@@ -8,6 +8,7 @@ import textwrap
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from texbake.checks.bake_kinds import SEVERITIES
 from texbake.errors import counted
 
 from .signals import FAILED
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 _NEVER = "never"
 _WORST_SHOWN = 5
 _COLORS = {"error": "red", "warning": "yellow", "note": "blue"}
-_SEVERITIES = tuple(_COLORS)  # without `texbake.checks`, which takes most of a short command
 
 
 def print_info(
@@ -52,7 +52,7 @@ def print_check(
         _print_findings(checked, terminal, explain=values["explain"])
         terminal.wrote(result.files)
         if not terminal.quiet:
-            say(_verdict_on_all(checked, _SEVERITIES[0] if fail_on == _NEVER else fail_on))
+            say(_verdict_on_all(checked, SEVERITIES[0] if fail_on == _NEVER else fail_on))
     return FAILED if fail_on != _NEVER and checked.fails(fail_on) else 0
 
 
@@ -71,8 +71,8 @@ def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) 
             ]
         )
     if not terminal.quiet:
-        _explain([f for f in findings if explain or _verdict(f) == _SEVERITIES[0]])
-        if not explain and any(_verdict(f) != _SEVERITIES[0] for f in findings):
+        _explain([f for f in findings if explain or _verdict(f) == SEVERITIES[0]])
+        if not explain and any(_verdict(f) != SEVERITIES[0] for f in findings):
             say("\nWhat the rest means, and what to do: add --explain")
 
 
@@ -100,7 +100,7 @@ def _verdict_on_all(checked: CheckReport, least: str) -> str:
     """One line: whether a finding is as severe as `least`, and how many findings there are."""
     counts = [
         counted(checked.count(severity), severity)
-        for severity in _SEVERITIES
+        for severity in SEVERITIES
         if checked.count(severity)
     ]
     if checked.n_allowed:

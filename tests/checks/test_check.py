@@ -10,8 +10,9 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tests.models import PAIRS, model, pair, real
+from texbake.checks.bake_kinds import SEVERITIES
 from texbake.checks.check import check, check_files
-from texbake.checks.kinds import KINDS, SEVERITIES, CheckOptions
+from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.errors import FileError
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_flat_normals

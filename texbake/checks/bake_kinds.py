@@ -13,6 +13,8 @@ VERTICES = ("vertex", "vertices")
 CHARTS = ("chart", "charts")
 MESHES = ("mesh", "meshes")
 
+SEVERITIES = ("error", "warning", "note")  # the worst first
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
@@ -21,7 +23,7 @@ class Kind:
     name: str  # its identifier, for scripts
     title: str  # what a reader sees
     unit: tuple[str, str] = FACES  # what is counted, in the singular and the plural
-    severity: str  # `error`, `warning` or `note`
+    severity: str  # one of `SEVERITIES`
     in_high: str | None = None  # severity in a high-poly mesh, where it is another
     # What goes wrong. The check fills in the figures in braces.
     problem: str

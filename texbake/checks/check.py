@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.checks import coordinates, orientation, surface
-from texbake.checks.bake_kinds import FACES
+from texbake.checks.bake_kinds import FACES, SEVERITIES
 from texbake.checks.checked_mesh import CheckedMesh, Finding, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
-from texbake.checks.kinds import KINDS, SEVERITIES, CheckOptions
+from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.checks.pair import (
     MeshPair,
     detail_below_texels,

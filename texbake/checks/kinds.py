@@ -233,10 +233,6 @@ KINDS = {
 }
 
 
-# The worst first.
-SEVERITIES = ("error", "warning", "note")
-
-
 @dataclass(frozen=True, kw_only=True)
 class CheckOptions(TextureOptions):
     """The bake that a check is made for."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.baking.memory import PROCESS, TEXEL
-from texbake.checks.kinds import SEVERITIES, CheckOptions
+from texbake.checks.bake_kinds import SEVERITIES
+from texbake.checks.kinds import CheckOptions
 from texbake.errors import MeshError, OptionError, UvError, quoted
 from texbake.files import PathLike
 from texbake.verbs.step import (
