@@ -24,8 +24,8 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.streamed.mesh import StreamedMesh
+from texbake.mesh.streamed.source import Marks
 from texbake.mesh.tangents import shading_tangents
-from texbake.raycast.rays import NO_HIT
 from texbake.texture.encoding import decode_srgb
 
 Float32Array = npt.NDArray[np.float32]
@@ -200,17 +200,17 @@ class BakeInputs:
         stream = self.stream
         if stream is None:
             return self, hits
-        is_hit = hits.is_hit
+        hit = hits.high_faces[hits.is_hit]
         # One face, if none was hit.
-        face_ids = np.unique(hits.high_faces[is_hit] if is_hit.any() else np.zeros(1, np.int32))
-        faces = np.where(is_hit, np.searchsorted(face_ids, hits.high_faces), NO_HIT)
-        part = stream.part(face_ids)
+        marks = Marks.of(hit if len(hit) else np.zeros(1, np.int32), stream.n_faces)
+        part = stream.part(marks.places)
         surface = replace(
             self.high_surface,
             mesh=part.mesh,
             known_normals=lambda: stream.smooth_normals(part.vertices),
         )
-        hits = replace(hits, high_faces=faces.astype(np.int32))
+        faces = marks.numbers_of(hits.high_faces, self.options.threads)  # `NO_HIT` stays
+        hits = replace(hits, high_faces=faces)
         return replace(self, high_surface=surface), hits
 
     @property

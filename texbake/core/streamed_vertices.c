@@ -225,6 +225,15 @@ static inline int32_t number_of(const uint64_t *bits, const int32_t *ranks, int3
     return word & bit ? ranks[vertex / WORD] + __builtin_popcountll(word & (bit - 1)) : -1;
 }
 
+/* Write the numbers of the marks of some places, -1 for none; a place below 0 has none. */
+EXPORT void number_marks(
+    int64_t n, int64_t n_words, const int32_t places[n], const uint64_t bits[n_words],
+    const int32_t ranks[n_words], int32_t numbers[n])
+{
+    for (int64_t i = 0; i < n; i++)
+        numbers[i] = places[i] < 0 ? -1 : number_of(bits, ranks, places[i]);
+}
+
 /* Of some faces, keep those that have a marked vertex; also write the numbers of the marks at their
    corners, -1 where there is none. Returns how many faces are kept. */
 EXPORT int64_t keep_marked_faces(

@@ -19,7 +19,7 @@ from texbake.mesh.files.conversion import warn_unused
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import add_angle_weighted, fill_canceled, normalize_sums
-from texbake.mesh.streamed.source import MeshSource, VertexMarks, open_source
+from texbake.mesh.streamed.source import Marks, MeshSource, open_source
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 
@@ -69,7 +69,7 @@ class StreamedMesh:
         if n_faces == 0:
             raise MeshError(f"{source.path}: it has no faces; a mesh needs at least one triangle")
         if not_finite is not None:
-            warn_unused(source.path, f"{len(not_finite.vertices):,} of {source.vertices.n:,}")
+            warn_unused(source.path, f"{len(not_finite.places):,} of {source.vertices.n:,}")
         if n_faces > np.iinfo(np.int32).max:
             raise MeshError(f"{source.path}: it has {n_faces} triangles, more than can be numbered")
         low, high = np.stack(boxes).transpose(1, 0, 2)
@@ -103,10 +103,10 @@ class StreamedMesh:
         """
         vertices = self._source.vertices
         faces = self._chosen(face_ids)
-        marks = VertexMarks.of_corners(faces, vertices.n)
-        chosen = marks.vertices
+        marks = Marks.of(faces, vertices.n)
+        chosen = marks.places
         fields: dict[str, Any] = self._source.attributes(chosen)
-        _, faces = marks.touching(faces)
+        faces = marks.numbers_of(faces, self._threads)
         if "normals" in fields:
             fields["normal_faces"] = faces
             missing = (fields["normals"] == 0.0).all(axis=1)
@@ -137,7 +137,7 @@ class StreamedMesh:
         """
         source, threads = self._source, self._threads
         marks = source.vertices.at(source.vertices.read(vertices, threads), threads)
-        positions = source.vertices.read(marks.vertices, threads)
+        positions = source.vertices.read(marks.places, threads)
         source.vertices.file.release()
         firsts = weld_rows(positions, threads=threads)
         del positions
@@ -146,14 +146,14 @@ class StreamedMesh:
         for around in self._around(marks, firsts):
             add_angle_weighted(normals, *around, scale, threads)
         normalize_sums(normals, threads)
-        wanted = firsts[np.searchsorted(marks.vertices, vertices)]
+        wanted = firsts[marks.numbers_of(vertices, threads)]
         if (normals[wanted] == 0.0).all(axis=1).any():
             for around in self._around(marks, firsts):
                 fill_canceled(normals, *around)
         return np.asarray(normals[wanted])
 
     def _around(
-        self, marks: VertexMarks, firsts: IntArray
+        self, marks: Marks, firsts: IntArray
     ) -> Iterator[tuple[FloatArray, IntArray, IntArray]]:
         """Yield the triangles with marked corners: positions, faces, and the mark of each corner.
 
@@ -168,10 +168,8 @@ class StreamedMesh:
             vertices.file.release()
 
 
-def _touching(
-    marks: VertexMarks, faces: IntArray, threads: int | None
-) -> tuple[IntArray, IntArray]:
-    """Return the result of `VertexMarks.touching`, computed in bands."""
+def _touching(marks: Marks, faces: IntArray, threads: int | None) -> tuple[IntArray, IntArray]:
+    """Return the result of `Marks.touching`, computed in bands."""
     if len(faces) == 0:
         return faces, faces
     bands: dict[int, tuple[IntArray, IntArray]] = {}

@@ -118,7 +118,7 @@ class FileVertices:
         run_bands(read, len(positions), band=1 << 16, threads=threads)
         return positions, faces - np.int32(first)
 
-    def not_finite(self, threads: int | None) -> VertexMarks | None:
+    def not_finite(self, threads: int | None) -> Marks | None:
         """Mark the vertices that are not finite; None if all are."""
         bad: list[int] = []
 
@@ -129,9 +129,9 @@ class FileVertices:
 
         run_bands(find, self.n, band=_VERTICES_PER_BAND, threads=threads)
         self.file.release()
-        return VertexMarks.of_corners(np.array(bad, np.int32), self.n) if bad else None
+        return Marks.of(np.array(bad, np.int32), self.n) if bad else None
 
-    def at(self, positions: FloatArray, threads: int | None) -> VertexMarks:
+    def at(self, positions: FloatArray, threads: int | None) -> Marks:
         """Mark all vertices that lie at some positions, and a few others."""
         n_bits = _WORD
         while n_bits < _BITS_PER_POSITION * len(positions):
@@ -145,31 +145,42 @@ class FileVertices:
 
         run_bands(mark, self.n, band=_VERTICES_PER_BAND, threads=threads)
         self.file.release()
-        return VertexMarks.of_bits(bits)
+        return Marks.of_bits(bits)
 
 
 @dataclass(frozen=True, eq=False)
-class VertexMarks:
-    """Marks of some vertices, which number them in the order of the file."""
+class Marks:
+    """Marks of some vertices or faces, which number them in the order of the file."""
 
-    bits: Words  # one bit for each vertex
+    bits: Words  # one bit for each place
     ranks: IntArray  # how many bits are set before each word of 64
-    vertices: IntArray  # (n,) int32; the marked ones, in ascending order
+    places: IntArray  # (n,) int32; the marked ones, in ascending order
 
     @classmethod
-    def of_bits(cls, bits: Words) -> VertexMarks:
+    def of_bits(cls, bits: Words) -> Marks:
         """Number the marks."""
         ranks = np.empty(len(bits), dtype=np.int32)
-        vertices = np.empty(core.rank_bits(bits, ranks), dtype=np.int32)
-        core.list_bits(bits, vertices)
-        return cls(bits, ranks, vertices)
+        places = np.empty(core.rank_bits(bits, ranks), dtype=np.int32)
+        core.list_bits(bits, places)
+        return cls(bits, ranks, places)
 
     @classmethod
-    def of_corners(cls, faces: IntArray, n_vertices: int) -> VertexMarks:
-        """Mark the corners of faces."""
-        bits = _no_bits(n_vertices)
-        core.set_bits(faces.reshape(-1), bits)
+    def of(cls, places: IntArray, n_places: int) -> Marks:
+        """Mark some places, such as the corners of faces."""
+        bits = _no_bits(n_places)
+        core.set_bits(places.reshape(-1), bits)
         return cls.of_bits(bits)
+
+    def numbers_of(self, places: IntArray, threads: int | None = None) -> IntArray:
+        """Which mark each of some places is, -1 for none and for places below 0."""
+        flat, numbers = places.reshape(-1), np.empty_like(places)
+        out = numbers.reshape(-1)
+
+        def work(start: int, stop: int) -> None:
+            core.number_marks(flat[start:stop], self.bits, self.ranks, out[start:stop])
+
+        run_bands(work, len(flat), band=_VERTICES_PER_BAND, threads=threads)
+        return numbers
 
     def touching(self, faces: IntArray) -> tuple[IntArray, IntArray]:
         """Return the faces with a marked corner, and the marks of their corners, -1 for none."""
@@ -178,8 +189,8 @@ class VertexMarks:
         return kept[:n], marks[:n]
 
 
-def _no_bits(n_vertices: int) -> Words:
-    return np.zeros(-(-n_vertices // _WORD), dtype=np.uint64)
+def _no_bits(n_places: int) -> Words:
+    return np.zeros(-(-n_places // _WORD), dtype=np.uint64)
 
 
 @dataclass(frozen=True, eq=False)
