@@ -280,6 +280,7 @@ _PACKAGE_TITLES = {
     "texture": "Textures and images",
     "baking": "Baking",
     "rendering": "Pictures",
+    "pages": "Notebooks",
     "checks": "Checks",
     "jobs": "Whole jobs",
     "building": "Builds",

@@ -39,6 +39,7 @@ from .mesh.remesh import remesh as remesh
 from .mesh.repair import repair as repair
 from .mesh.simplify import simplify as simplify
 from .mesh.transform import transform as transform
+from .pages.show import show as show
 from .rendering.compare import compare as compare
 from .rendering.options import RenderOptions as RenderOptions
 from .rendering.render import render as render, render_scene as render_scene

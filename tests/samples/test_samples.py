@@ -78,3 +78,31 @@ def test_orange_angles(tmp_path):
         for folder in (tmp_path, SAMPLES)
     )
     np.testing.assert_allclose(ours, kept, rtol=1e-3)
+
+
+EXECUTE = """
+import sys, nbformat
+from nbclient import NotebookClient
+
+notebook = nbformat.read(sys.argv[1], as_version=4)
+NotebookClient(notebook, kernel_name="python3", timeout=300).execute()
+for cell in notebook.cells:
+    for output in cell.get("outputs", []):
+        print("view" if "text/html" in output.get("data", {}) else output.get("text", "").strip())
+"""
+
+
+def test_the_notebook_runs_and_shows_each_step(tmp_path):
+    """In a kernel of its own, which imports the installed package."""
+    notebook = str(SAMPLES / "notebook.ipynb")
+    lines = subprocess.run(
+        [sys.executable, "-P", "-c", EXECUTE, notebook],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(tmp_path), "IPYTHONDIR": str(tmp_path / "ipython")},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.splitlines()
+    assert lines[0].startswith("<Mesh torus: 360,000 faces, 180,000 vertices, 2.828 x ")
+    assert lines.count("view") == 3
+    assert lines[-1] == "['normal.png', 'displacement.png', 'ao.png']"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -24,6 +25,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.metadata import Value
 from texbake.texture.image import read_image, write_image
 from texbake.texture.image_formats import holds_floats
+from texbake.texture.png_files import picture_png
 from texbake.texture.value_range import channel_ranges
 
 # Colors of texels that are not covered, that have data, and that lack it.
@@ -45,9 +47,12 @@ class WrittenMap:
     n_clipped: int = 0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BakedMap:
-    """One map of a bake, as values that are encoded when it is written."""
+    """One map of a bake, as values that are encoded when it is written.
+
+    `np.asarray` returns its values; a notebook shows it as a picture.
+    """
 
     kind: MapKind
     # (H, W, C) float32: unit vectors, lengths in model units, colors or ids, depending on the kind;
@@ -60,6 +65,20 @@ class BakedMap:
     # (2, 3) float64: for positions: the least and the greatest that integer files can hold
     bounds: FloatArray | None = None
     legend: tuple[str, ...] = ()  # for ids: the names of ids 1, 2, 3 and so on
+
+    def __repr__(self) -> str:
+        height, width = self.has_data.shape
+        return f"<BakedMap {self.kind.name}: {width} x {height}, {self.has_data.mean():.0%} filled>"
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        return np.array(self.values, dtype) if copy else np.asarray(self.values, dtype)
+
+    def _repr_png_(self) -> bytes:
+        is_id = self.kind.coding == "id"
+        is_color = is_id or self.kind.coding == "color"
+        return picture_png(encode_map(self, 8).pixels, is_color=is_color, is_averaged=not is_id)
 
     def write(
         self,
@@ -93,9 +112,9 @@ class BakedMap:
         return WrittenMap(Path(path), bits, coded.metadata, coded.n_clipped)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BakeResult:
-    """Everything that `bake` returns."""
+    """Everything that `bake` returns; a notebook shows its maps."""
 
     maps: dict[str, BakedMap]  # by the names in `BakeOptions.maps`
     report: BakeReport
@@ -105,6 +124,20 @@ class BakeResult:
     texel_faces: npt.NDArray[np.int32]
     has_data: npt.NDArray[np.bool_]  # (H, W) bool: texels with a hit
     inputs: BakeInputs | None = None  # the meshes and options, if the hits were kept
+
+    def __repr__(self) -> str:
+        height, width = self.has_data.shape
+        n_missed = int(np.count_nonzero(self.missed))
+        return f"<BakeResult {', '.join(self.maps)}: {width} x {height}, {n_missed:,} missed>"
+
+    def _repr_html_(self) -> str:
+        figures = (
+            f'<figure style="margin: 0; max-width: 320px"><img style="width: 100%" alt="{name}" '
+            f'src="data:image/png;base64,{b64encode(baked._repr_png_()).decode()}">'
+            f"<figcaption>{name}</figcaption></figure>"
+            for name, baked in self.maps.items()
+        )
+        return f'<div style="display: flex; flex-wrap: wrap; gap: 8px">{"".join(figures)}</div>'
 
     @cached_property
     def missed(self) -> npt.NDArray[np.bool_]:

@@ -44,7 +44,7 @@ class UvSet:
     faces: IntArray  # (F, 3) int32; indices into `uvs`
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Mesh:
     """Triangles in space, with the texture coordinates, normals and groups that they have.
 
@@ -130,6 +130,18 @@ class Mesh:
             raise MeshError(f"{self.name}: group_objects and group_names differ in length")
         self._adopt("polygon_of", np.int32, (len(faces),))
         self._number_polygons()
+
+    def __repr__(self) -> str:
+        sides = " x ".join(f"{side:.4g}" for side in np.ptp(self.bounds, axis=0).tolist())
+        counts = f"{self.n_faces:,} faces, {self.n_vertices:,} vertices, {sides}"
+        kinds = ("uvs", "normals", "tangents", "colors")
+        has = [kind for kind in kinds if getattr(self, kind) is not None]
+        return f"<Mesh {self.name}: {', '.join([counts, *has])}>"
+
+    def _repr_html_(self) -> str:
+        import texbake
+
+        return texbake.show(self)._repr_html_()
 
     @property
     def n_vertices(self) -> int:

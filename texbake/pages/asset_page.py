@@ -35,7 +35,7 @@ from texbake.pages.pictures import (
     png_of,
 )
 from texbake.pages.plots import histogram_svg
-from texbake.pages.viewer import angle_colors, view_data
+from texbake.pages.viewer import CODINGS, angle_colors, view_data
 from texbake.progress import ProgressSink, StageRecord
 from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.maps import heights_from
@@ -48,7 +48,6 @@ from texbake.texture.image_files import encode_image
 Rows = Sequence[tuple[str, str]]
 # Maps that every page needs: normals for the 3D view, heights for the histogram.
 PAGE_MAPS = ("normal", "displacement")
-_CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
 _PICTURE_PX = 560
 _STILL_QUALITY = 85
 
@@ -96,7 +95,7 @@ def write_asset_page(path: PathLike, page: AssetPage) -> None:
     pictures = _pictures(page)
     missed = _missed(page)
     has_misses = missed is not None and bool(missed.any())
-    data, notes = view_data(page.high, page.low, pictures, page.picture, missed=has_misses)
+    data, notes = view_data(page.high, page.low, pictures, page.picture)
     if pictures:
         data["map-settings"] = as_json([picture.settings() for picture in pictures])
     listed = {stage.name for stage in page.stages} | ({"total"} if page.stages else set())
@@ -196,7 +195,7 @@ def as_asked(baked: BakeResult, options: BakeOptions) -> BakeResult:
 
 def _pictures(page: AssetPage) -> list[MapPicture]:
     if page.baked is None:
-        return file_pictures(page.files, codings=_CODINGS)
+        return file_pictures(page.files, codings=CODINGS)
     notes = {
         name: "Made for this page; there is no file of it."
         for name in page.baked.maps

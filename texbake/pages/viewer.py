@@ -36,6 +36,8 @@ from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles
 
 MOST_TRIANGLES = 300_000  # per mesh on a page: two to three MB
 _LEGEND_STEPS = 24
+# How the values of map files are coded, by the name of the map.
+CODINGS = {"normal": "normal", "displacement": "height", "albedo": "color"}
 
 
 def shown_mesh(mesh: Mesh, *, keeps_uvs: bool) -> Mesh:
@@ -47,28 +49,17 @@ def shown_mesh(mesh: Mesh, *, keeps_uvs: bool) -> Mesh:
 
 
 def view_data(
-    high: Mesh, low: Mesh, pictures: Sequence[MapPicture], picture: RenderOptions, *, missed: bool
+    high: Mesh, low: Mesh, pictures: Sequence[MapPicture], picture: RenderOptions
 ) -> tuple[dict[str, str], list[str]]:
     """Pack both meshes, in the same space, and the settings of the viewer."""
     shown_high, shown_low = shown_mesh(high, keeps_uvs=False), shown_mesh(low, keeps_uvs=True)
     frame = LocalFrame.around(high, low)
-    center, radius = Camera.sphere_around(high, low)
-    settings: dict[str, Any] = {
-        "center": frame.to_local(center).tolist(),
-        "radius": float(frame.length_to_local(radius)),
-        "view": [float(angle or 0.0) for angle in picture.view[:2]],
-        "up": picture.up,
-        "fov": RenderOptions.fov,
-        "normals": next((p.name for p in pictures if p.name == "normal"), None),
-        "missed": missed,
-        "labels": {
-            "high": f"High-poly, {high.n_faces:,} faces",
-            "low": f"Low-poly, {low.n_faces:,} faces",
-            "baked": f"Baked, {low.n_faces:,} faces",
-            "error": "Error: angle between high-poly and baked",
-        },
-        "colors": angle_colors(),
-        "greatest": MAX_ANGLE_DEG,
+    settings = view_settings((high, low), pictures, picture)
+    settings["labels"] = {
+        "high": f"High-poly, {high.n_faces:,} faces",
+        "low": f"Low-poly, {low.n_faces:,} faces",
+        "baked": f"Baked, {low.n_faces:,} faces",
+        "error": "Error: angle between high-poly and baked",
     }
     data = {
         "mesh-high": packed_mesh(shown_high, frame),
@@ -81,6 +72,24 @@ def view_data(
         if shown.n_faces < mesh.n_faces
     ]
     return data, notes
+
+
+def view_settings(
+    meshes: Sequence[Mesh], pictures: Sequence[MapPicture], picture: RenderOptions
+) -> dict[str, Any]:
+    """Return the settings of the viewer for meshes in one space, but for their labels."""
+    frame = LocalFrame.around(*meshes)
+    center, radius = Camera.sphere_around(*meshes)
+    return {
+        "center": frame.to_local(center).tolist(),
+        "radius": float(frame.length_to_local(radius)),
+        "view": [float(angle or 0.0) for angle in picture.view[:2]],
+        "up": picture.up,
+        "fov": RenderOptions.fov,
+        "normals": next((p.name for p in pictures if p.name == "normal"), None),
+        "colors": angle_colors(),
+        "greatest": MAX_ANGLE_DEG,
+    }
 
 
 def angle_colors() -> list[str]:

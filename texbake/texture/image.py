@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +39,7 @@ from texbake.texture.image_formats import (
     require_read_format,
     suffix_of_content,
 )
-from texbake.texture.png_files import write_png
+from texbake.texture.png_files import picture_png, write_png
 
 # (H, W) or (H, W, C), row 0 at the top.
 FloatImage = npt.NDArray[np.float32]
@@ -49,9 +49,12 @@ _BAND = 1 << 19
 GREATEST_HALF = 65504.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Image:
-    """Pixels of an image file, with its metadata and its format."""
+    """Pixels of an image file, with its metadata and its format.
+
+    `np.asarray` returns the pixels; a notebook shows the image.
+    """
 
     # (H, W, C) float32: linear values. Integer codes are scaled to [0, 1].
     pixels: npt.NDArray[np.float32]
@@ -61,6 +64,20 @@ class Image:
     # whether the file stores floats (half or single) instead of integer codes
     is_float: bool = True
     name: str = "image"  # file name, for messages
+    is_color: bool = False  # whether it was read as a color image
+
+    def __repr__(self) -> str:
+        height, width, n_channels = self.pixels.shape
+        kind = f"{self.bits}-bit {'floats' if self.is_float else 'codes'}"
+        return f"<Image {self.name}: {width} x {height}, {n_channels} channels, {kind}>"
+
+    def __array__(
+        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
+    ) -> npt.NDArray[Any]:
+        return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
+
+    def _repr_png_(self) -> bytes:
+        return picture_png(self.pixels, is_color=self.is_color or self.is_float)
 
 
 @dataclass(frozen=True)
@@ -162,6 +179,7 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
         bits=8 * codes.itemsize,
         is_float=is_float,
         name=Path(path).name,
+        is_color=bool(color),
     )
 
 
@@ -326,7 +344,7 @@ def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = N
     """Read an image from the bytes of a file; the first bytes identify the format."""
     with _as_file(data, name) as path:
         image = read_image(path, color=color, threads=threads)
-    return Image(image.pixels, image.metadata, image.bits, image.is_float, name=name)
+    return replace(image, name=name)
 
 
 def require_whole(image: PathLike | bytes, name: str = "") -> None:

@@ -23,11 +23,13 @@ from texbake.core import core
 from texbake.files import PathLike
 from texbake.metadata import SIGNATURE
 from texbake.parallel import run_bands
+from texbake.texture.encoding import quantize_srgb, quantize_unsigned
 
 _COLOR_TYPES = {1: 0, 2: 4, 3: 2, 4: 6}  # channels: PNG's number for gray, gray + alpha, ...
 # Bytes per band: enough that separate deflate blocks hardly cost more than a single stream.
 _BAND_BYTES = 1 << 20
 _ADLER_MODULUS = 65521
+_MOST_SHOWN = 1024  # pixels along a side of a picture in a notebook
 
 
 def write_png(
@@ -71,6 +73,30 @@ def png_parts(
     parts += _compressed(codes, threads)
     parts.append(_chunk(b"IEND", b""))
     return parts
+
+
+def picture_png(pixels: npt.NDArray[Any], *, is_color: bool, is_averaged: bool = True) -> bytes:
+    """Return an image (H, W, C) as a PNG file for a notebook, with 8 bits a channel.
+
+    Floats are linear; where `is_color`, they are stored as sRGB. Images of more than 1,024 pixels
+    along a side are scaled down: each block of pixels becomes its mean, or its first pixel.
+    """
+    height, width, n_channels = pixels.shape
+    step = -(-max(height, width) // _MOST_SHOWN)
+    down, across = min(step, height), min(step, width)
+    height, width = height // down, width // across
+    blocks = pixels[: height * down, : width * across, : min(n_channels, 4)]
+    blocks = blocks.reshape(height, down, width, across, -1)
+    small = blocks.mean(axis=(1, 3)).astype(pixels.dtype) if is_averaged else blocks[:, 0, :, 0]
+    if small.dtype.kind == "f":
+        n_colors = small.shape[2] - (small.shape[2] in (2, 4))
+        floats = small.astype(np.float32)
+        small = (
+            quantize_srgb(floats, 8, n_colors=n_colors)
+            if is_color
+            else quantize_unsigned(floats, 8)
+        )
+    return b"".join(png_parts(np.ascontiguousarray(small), srgb=is_color))
 
 
 def _chunk(kind: bytes, data: bytes | memoryview) -> bytes:

@@ -202,7 +202,8 @@
   const errorScene = new THREE.Scene();
   errorScene.add(angles);
 
-  const unpacked = await Promise.all([texbake.mesh("mesh-high"), texbake.mesh("mesh-low")]);
+  const alone = document.getElementById("mesh-high") === null;
+  const unpacked = await Promise.all([texbake.mesh(alone ? "mesh-low" : "mesh-high"), texbake.mesh("mesh-low")]);
   const [highGeometry, lowGeometry] = unpacked.map(geometry), hasMaps = unpacked[1].uv ? 1 : 0;
   const made = {
     high: new THREE.Mesh(highGeometry, material(0, 0, 0)),
