@@ -1,9 +1,10 @@
 # What a maintainer runs now and then. Users need none of it: `pip install .` builds the core.
 
 PYTHON ?= python3
-WHEELS = manylinux2014_x86_64 manylinux2014_aarch64 win_amd64 macosx_11_0_x86_64 macosx_11_0_arm64
+WHEELS = $(shell cd texbake/core && $(PYTHON) -c \
+  'import compile_core; print(*(target.wheel_tag for target in compile_core.TARGETS))')
 
-.PHONY: core wheels
+.PHONY: core wheels release
 
 # The core for this machine, beside its sources.
 core:
@@ -15,3 +16,8 @@ wheels:
 	  rm -rf build && TEXBAKE_TARGET=$$tag $(PYTHON) -m pip wheel --no-deps -w dist . || exit 1; \
 	done
 	rm -rf build
+
+# What a release uploads: the wheels, and the sources from which pip builds where no wheel fits.
+# Needs the package `build`.
+release: wheels
+	$(PYTHON) -m build --sdist --outdir dist
