@@ -177,8 +177,8 @@ def test_a_compact_tree_holds_the_same_triangles_in_smaller_boxes():
         for compact, threads in ((False, 1), (True, 1), (True, 2))
     ]
     plain, compact, again = trees
-    for mine, theirs in zip(vars(compact).values(), vars(again).values(), strict=True):
-        assert mine.tobytes() == theirs.tobytes()
+    for name in "ids", "nodes", "starts", "box", "leaves":
+        assert getattr(compact, name).tobytes() == getattr(again, name).tobytes()
     np.testing.assert_array_equal(np.sort(plain.ids, axis=None), np.sort(compact.ids, axis=None))
 
     def surface(tree):

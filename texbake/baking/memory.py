@@ -15,9 +15,12 @@ MB = 1 << 20
 # A process with all libraries loaded, and the memory that it does not return.
 PROCESS = 320 * MB
 # Per triangle of a mesh in memory with its normals, and per triangle in the ray tree while it is
-# built; 80 remain afterwards.
+# built; 8 remain afterwards. A small tree holds the corners of its triangles as well, and for these
+# maps, every tree does.
 HELD_FACE = 100
-TREE_FACE = 90
+TREE_FACE = 18
+CORNERS_FACE = 75
+_SECONDARY = {"ao", "bent-normal", "thickness"}
 # Per texel of a map, padding included.
 TEXEL = 100
 # Per triangle of a chunk that is read from the file: its corners, and the tree over them; and how
@@ -51,7 +54,9 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
 
     `n_texels`, `maps`: texels per map, and names of the maps.
     """
+    n_corners = n_high_faces if _SECONDARY.intersection(maps) else min(n_high_faces, 1 << 19)
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
+    faces += CORNERS_FACE * n_corners
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)
 
 

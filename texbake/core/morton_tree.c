@@ -20,7 +20,6 @@
 #include "numbers.h"
 
 #define DIGITS 1024 /* values of a digit of the radix sort */
-#define NOWHERE 1e30f
 
 /* Write the place on the curve of each triangle in the upper half of a number, and which triangle
    it is, counted from `first`, in the lower half. `box` is the least corner of the triangles' box, in
@@ -72,31 +71,34 @@ static float rounded_up(double x)
     return (double)near < x ? nextafterf(near, INFINITY) : near;
 }
 
-/* Write the boxes of one leaf. Coordinates that are NaN are left out. */
-static void bound_leaf(const leaf corners, int64_t n_lanes, node boxes, int64_t lane)
+/* Write the boxes of some triangles of one leaf. Coordinates that are NaN are left out. */
+static void bound_leaf(
+    const struct tree_mesh *mesh, const int32_t *ids, int64_t n, node boxes, int64_t lane)
 {
-    for (int axis = 0; axis < 3; axis++) {
-        double low = INFINITY, high = -INFINITY;
+    double low[3] = {INFINITY, INFINITY, INFINITY}, high[3] = {-INFINITY, -INFINITY, -INFINITY};
+    for (int64_t k = 0; k < n; k++)
         for (int corner = 0; corner < 3; corner++) {
-            const double *row = corners[3 * corner + axis];
-            for (int64_t k = 0; k < n_lanes; k++) {
-                low = row[k] < low ? row[k] : low;
-                high = row[k] > high ? row[k] : high;
+            const double *position = mesh->positions[mesh->faces[ids[k]][corner]];
+            for (int axis = 0; axis < 3; axis++) {
+                low[axis] = position[axis] < low[axis] ? position[axis] : low[axis];
+                high[axis] = position[axis] > high[axis] ? position[axis] : high[axis];
             }
         }
-        boxes[axis][lane] = rounded_down(low);
-        boxes[3 + axis][lane] = rounded_up(high);
+    for (int axis = 0; axis < 3; axis++) {
+        boxes[axis][lane] = rounded_down((low[axis] - mesh->center[axis]) * mesh->scale);
+        boxes[3 + axis][lane] = rounded_up((high[axis] - mesh->center[axis]) * mesh->scale);
     }
 }
 
-/* Fill the leaves from the sorted triangles, in local coordinates, and the boxes of the lowest nodes.
-   `leaves` begin with the first triangle of `places`. Lanes beyond the last triangle lie nowhere. */
-EXPORT void fill_leaves(
+/* Write the faces of leaves, from the sorted triangles, and the boxes of the lowest nodes. `ids` begin
+   with the first triangle of `places`. */
+EXPORT void bound_leaves(
     int64_t n, int64_t n_vertices, int64_t n_faces, int64_t n_leaves, int64_t n_nodes,
     const uint64_t places[n], const double positions[n_vertices][3],
     const int32_t faces[n_faces][3], const double center[3], double scale,
-    double leaves[n_leaves][9][8], int32_t ids[n_leaves][8], float nodes[n_nodes][6][8])
+    int32_t ids[n_leaves][8], float nodes[n_nodes][6][8])
 {
+    const struct tree_mesh mesh = {positions, faces, 0, center, scale};
     for (int64_t at = 0; at < n_nodes * WIDTH; at++) {
         if (at >= n_leaves) {
             for (int row = 0; row < 6; row++)
@@ -104,17 +106,21 @@ EXPORT void fill_leaves(
             continue;
         }
         const int64_t n_lanes = min_i64(n - at * WIDTH, WIDTH);
-        for (int64_t k = 0; k < WIDTH; k++) {
-            const int32_t face = k < n_lanes ? (int32_t)(uint32_t)places[at * WIDTH + k] : -1;
-            ids[at][k] = face;
-            for (int corner = 0; corner < 3; corner++)
-                for (int axis = 0; axis < 3; axis++)
-                    leaves[at][3 * corner + axis][k] =
-                        face < 0 ? NOWHERE
-                                 : (positions[faces[face][corner]][axis] - center[axis]) * scale;
-        }
-        bound_leaf(leaves[at], n_lanes, nodes[at / WIDTH], at % WIDTH);
+        for (int64_t k = 0; k < WIDTH; k++)
+            ids[at][k] = k < n_lanes ? (int32_t)(uint32_t)places[at * WIDTH + k] : -1;
+        bound_leaf(&mesh, ids[at], n_lanes, nodes[at / WIDTH], at % WIDTH);
     }
+}
+
+/* Write the corners of the triangles of leaves. */
+EXPORT void fill_leaves(
+    int64_t n_vertices, int64_t n_faces, int64_t n_leaves, const int32_t ids[n_leaves][8],
+    const double positions[n_vertices][3], const int32_t faces[n_faces][3], int64_t first,
+    const double center[3], double scale, double leaves[n_leaves][9][8])
+{
+    const struct tree_mesh mesh = {positions, faces, first, center, scale};
+    for (int64_t at = 0; at < n_leaves; at++)
+        load_corners(&mesh, ids[at], 0, WIDTH, leaves[at]);
 }
 
 /* Write the boxes of nodes, each around all boxes of its child. */

@@ -1,6 +1,7 @@
 /* The tree that rays are cast into: its leaves and its boxes. Built by morton_tree.c.
 
-   Leaves hold eight triangles each, in the order of a Morton curve. Node i of the lowest level holds
+   Leaves have eight triangles each, in the order of a Morton curve: their faces, whose corners are
+   loaded from the mesh when a ray comes by. Node i of the lowest level holds
    the boxes of the leaves 8 i to 8 i + 7; node i of the level above, those of the nodes 8 i to
    8 i + 7; and so on up to one root. The levels stand one after another, the lowest first. No links
    are stored. */
@@ -16,6 +17,36 @@
 
 /* Corners of eight triangles: row 3 c + axis holds that coordinate of corner c of all of them. */
 typedef double leaf[9][WIDTH];
+
+/* Where the triangles beyond the last one of a leaf lie. */
+#define NOWHERE 1e30
+
+/* A mesh in model units, with the numbers of its faces counted from `first`, and its local frame. */
+struct tree_mesh {
+    const double (*positions)[3];
+    const int32_t (*faces)[3];
+    int64_t first;
+    const double *center;
+    double scale;
+};
+
+/* Load the corners of some triangles of a leaf, in local coordinates. */
+static inline void load_corners(
+    const struct tree_mesh *mesh, const int32_t ids[WIDTH], int first, int end, leaf corners)
+{
+    for (int k = first; k < end; k++) {
+        if (ids[k] < 0) {
+            for (int row = 0; row < 9; row++)
+                corners[row][k] = NOWHERE;
+            continue;
+        }
+        const int32_t *face = mesh->faces[ids[k] - mesh->first];
+        for (int corner = 0; corner < 3; corner++)
+            for (int axis = 0; axis < 3; axis++)
+                corners[3 * corner + axis][k] =
+                    (mesh->positions[face[corner]][axis] - mesh->center[axis]) * mesh->scale;
+    }
+}
 
 /* Boxes: least x, y, z, then greatest. Where there is no child, the least are infinite and the greatest
    minus infinite: no ray meets such a box, not even one with a NaN. */

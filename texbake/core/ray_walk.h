@@ -19,8 +19,9 @@
 /* The tree that rays walk: a node is identified by its level and its index there, a leaf by its
    index. */
 struct ray_tree {
-    const leaf *leaves;
+    const leaf *leaves;          /* NULL where their corners are loaded from `mesh` */
     const int32_t (*ids)[WIDTH]; /* faces of the triangles; NULL where they are not needed */
+    struct tree_mesh mesh;
     const node *levels[MAX_LEVELS]; /* the nodes of each level, the lowest first */
     int n_levels;
     double box[6]; /* of all triangles */
@@ -56,11 +57,9 @@ struct place {
 };
 
 static inline struct ray_tree ray_tree_of(
-    const leaf *leaves, const int32_t (*ids)[WIDTH], const node *nodes, int64_t n_levels,
-    const int64_t *starts, const double box[6])
+    const node *nodes, int64_t n_levels, const int64_t *starts, const double box[6])
 {
-    struct ray_tree tree = {
-        .leaves = leaves, .ids = ids, .n_levels = (int)min_i64(n_levels, MAX_LEVELS)};
+    struct ray_tree tree = {.n_levels = (int)min_i64(n_levels, MAX_LEVELS)};
     for (int level = 0; level < tree.n_levels; level++)
         tree.levels[level] = nodes + starts[level];
     for (int k = 0; k < 6; k++) {
@@ -68,6 +67,15 @@ static inline struct ray_tree ray_tree_of(
         tree.size = max_f64(tree.size, fabs(box[k]));
     }
     return tree;
+}
+
+/* The corners of a leaf, which are loaded into `scratch` where the tree does not have them. */
+static inline const double (*corners_of(const struct ray_tree *tree, int64_t at, leaf scratch))[WIDTH]
+{
+    if (tree->leaves)
+        return tree->leaves[at];
+    load_corners(&tree->mesh, tree->ids[at], 0, WIDTH, scratch);
+    return (const double (*)[WIDTH])scratch;
 }
 
 static inline void start_walk(

@@ -157,7 +157,8 @@ EXPORT void cast_hemispheres(
     const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
     float results[n][5])
 {
-    const struct ray_tree tree = ray_tree_of(leaves, NULL, nodes, n_levels, starts, box);
+    struct ray_tree tree = ray_tree_of(nodes, n_levels, starts, box);
+    tree.leaves = leaves;
     for (int64_t first = 0; first < n; first += TOGETHER) {
         const int64_t n_hemispheres = min_i64(n - first, TOGETHER);
         struct hemisphere hemispheres[TOGETHER];

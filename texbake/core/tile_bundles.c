@@ -199,13 +199,12 @@ static inline void test_lanes(
     tests->places[tests->n++] = first;
 }
 
-/* Test the rays of some columns and rows against one triangle. Those for which rounding could matter
-   are tested again, exactly. */
+/* Test the rays of some columns and rows against one triangle of a leaf. Those for which rounding
+   could matter are tested again, exactly. */
 static void test_triangle(
     struct bundle *bundle, const int columns[2], const int rows[2], const struct ray_tree *tree,
-    int64_t slot, const struct results *results)
+    const leaf corners, int64_t slot, const struct results *results)
 {
-    const double (*corners)[WIDTH] = tree->leaves[slot / WIDTH];
     const double doubt = bundle->doubt;
     double triangle[9];
     for (int c = 0; c < 3; c++)
@@ -281,7 +280,8 @@ static void test_leaf(
     struct bundle *bundle, const struct ray_tree *tree, int64_t at, double near, double far,
     const struct results *results)
 {
-    const double (*corners)[WIDTH] = tree->leaves[at];
+    leaf scratch;
+    const double (*corners)[WIDTH] = corners_of(tree, at, scratch);
     near = max_f64(near, bundle->planes[0]);
     far = max_f64(min_f64(far, bundle->planes[1]), near);
     int left[WIDTH], right[WIDTH], top[WIDTH], bottom[WIDTH], chosen[WIDTH], n = 0;
@@ -294,7 +294,7 @@ static void test_leaf(
     }
     for (int j = 0; j < n; j++) {
         const int k = chosen[j], columns[2] = {left[k], right[k]}, rows[2] = {top[k], bottom[k]};
-        test_triangle(bundle, columns, rows, tree, at * WIDTH + k, results);
+        test_triangle(bundle, columns, rows, tree, corners, at * WIDTH + k, results);
     }
 }
 
@@ -401,10 +401,10 @@ static inline float end_of(const struct alone *alone, const struct results *resu
 
 /* Test the triangles of a leaf against a ray. */
 static inline void test_alone(
-    struct alone *alone, int64_t at, const struct ray_tree *tree, const struct results *results)
+    struct alone *alone, int64_t at, const leaf corners, const struct ray_tree *tree,
+    const struct results *results)
 {
     const struct walk *walk = &alone->walk;
-    const double (*corners)[WIDTH] = tree->leaves[at];
     for (unsigned bits = may_cross(walk, corners); bits; bits &= bits - 1) {
         const int k = __builtin_ctz(bits);
         const int64_t slot = at * WIDTH + k;
@@ -423,6 +423,8 @@ struct batch {
     struct alone rays[RAYS];
     int n_leaves;
     int64_t leaves[MOST_LEAVES];
+    const double (*corners[MOST_LEAVES])[WIDTH]; /* of the leaves; NULL where no ray came by yet */
+    leaf scratch[MOST_LEAVES];
     node boxes[MOST_LEAVES / WIDTH]; /* of the leaves; empty ones after the last */
 };
 
@@ -436,6 +438,7 @@ static void add_leaf(struct batch *batch, const struct ray_tree *tree, int64_t a
                 boxes[row][empty] = row < 3 ? INFINITY : -INFINITY;
         boxes[row][k] = tree->levels[0][at / WIDTH][row][at % WIDTH];
     }
+    batch->corners[batch->n_leaves] = NULL;
     batch->leaves[batch->n_leaves++] = at;
 }
 
@@ -443,30 +446,45 @@ static void add_leaf(struct batch *batch, const struct ray_tree *tree, int64_t a
 static void test_batch(
     struct batch *batch, int n, const struct ray_tree *tree, const struct results *results)
 {
-    for (int j = 0; j < n; j++) {
-        struct alone *alone = &batch->rays[j];
+    for (int i = 0; i < n; i++) {
+        struct alone *alone = &batch->rays[i];
         for (int first = 0; first < batch->n_leaves; first += WIDTH) {
             float nears[WIDTH];
             unsigned bits = meets(
                 &alone->walk, batch->boxes[first / WIDTH], end_of(alone, results), nears);
             for (; bits; bits &= bits - 1) {
-                const int k = __builtin_ctz(bits);
-                if (nears[k] <= end_of(alone, results))
-                    test_alone(alone, batch->leaves[first + k], tree, results);
+                const int k = __builtin_ctz(bits), j = first + k;
+                if (!(nears[k] <= end_of(alone, results)))
+                    continue;
+                if (!batch->corners[j])
+                    batch->corners[j] = corners_of(tree, batch->leaves[j], batch->scratch[j]);
+                test_alone(alone, batch->leaves[j], batch->corners[j], tree, results);
             }
         }
     }
     batch->n_leaves = 0;
 }
 
-/* Ask for the memory of a node, or of a leaf below level 0, before it is needed. */
+/* Ask for the memory of a node, or of a leaf below level 0, or of what its corners are loaded from,
+   before it is needed. */
 static inline void fetch_early(const struct ray_tree *tree, int level, int64_t at)
 {
-    const char *first = level < 0 ? (const char *)tree->leaves[at]
-                                  : (const char *)tree->levels[level][at];
-    const size_t size = level < 0 ? sizeof(leaf) : sizeof(node);
-    for (size_t line = 0; line < size; line += 64)
+    if (level < 0 && tree->leaves) {
+        for (size_t row = 0; row < 9; row++)
+            __builtin_prefetch(tree->leaves[at][row]);
+        return;
+    }
+    if (level < 0) {
+        for (int k = 0; k < WIDTH && tree->ids[at][k] >= 0; k++)
+            __builtin_prefetch(tree->mesh.faces[tree->ids[at][k] - tree->mesh.first]);
+        return;
+    }
+    const char *first = (const char *)tree->levels[level][at];
+    for (size_t line = 0; line < sizeof(node); line += 64)
         __builtin_prefetch(first + line);
+    if (level == 0)
+        for (int k = 0; k < WIDTH; k += 2)
+            __builtin_prefetch(tree->ids + at * WIDTH + k);
 }
 
 /* Walk the tree, the nearer boxes first. With a batch, its rays are tested against the leaves, some
@@ -700,8 +718,9 @@ static void refine(
     int64_t i, int64_t slot, const struct ray_line *line, const int order[3],
     const struct ray_tree *tree, const struct rays *rays, const struct results *results)
 {
-    const int64_t k = slot % WIDTH;
-    const double (*corners)[WIDTH] = tree->leaves[slot / WIDTH];
+    const int k = (int)(slot % WIDTH);
+    leaf corners;
+    load_corners(&tree->mesh, tree->ids[slot / WIDTH], k, k + 1, corners);
     const double ax = corners[0][k], ay = corners[1][k], az = corners[2][k];
     const double bx = corners[3][k] - ax, by = corners[4][k] - ay, bz = corners[5][k] - az;
     const double cx = corners[6][k] - ax, cy = corners[7][k] - ay, cz = corners[8][k] - az;
@@ -902,8 +921,10 @@ static void cast_alone(
             continue;
         if (place.level >= 0)
             depth = push_nearest(&alone.walk, tree, place, end, stack, depth);
-        else
-            test_alone(&alone, place.at, tree, results);
+        else {
+            leaf scratch;
+            test_alone(&alone, place.at, corners_of(tree, place.at, scratch), tree, results);
+        }
     }
     refine_alone(&alone, tree, rays, results);
 }
@@ -990,9 +1011,10 @@ static void cast_together(
    distances of the nearest hit and of the nearest back face, as the test has computed them, and the
    hit itself, refined. */
 EXPORT int64_t cast_bundles(
-    int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels,
-    const double leaves[n_leaves][9][8], const int32_t ids[n_leaves][8],
-    const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
+    int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels, int64_t n_vertices,
+    int64_t n_faces, const double positions[n_vertices][3], const int32_t mesh_faces[n_faces][3],
+    int64_t first_face, const double center[3], double scale, const int32_t ids[n_leaves][8],
+    OPTIONAL const double leaves[n_leaves][9][8], const float nodes[n_nodes][6][8], const int64_t starts[n_levels], const double box[6],
     const double origins[n][3], const double directions[n][3], const double lengths[n],
     OPTIONAL const int32_t places[n][2], OPTIONAL const int32_t charts[n], int64_t n_together,
     bool cull, double nearest[n], double backs[n], int32_t faces[n], double barycentrics[n][2],
@@ -1001,7 +1023,10 @@ EXPORT int64_t cast_bundles(
     OPEN_ARENA(arena);
     struct bundle *bundle = TAKE(arena, struct bundle, 1); /* too large for the stack of a thread */
     struct batch *batch = TAKE(arena, struct batch, 1);
-    const struct ray_tree tree = ray_tree_of(leaves, ids, nodes, n_levels, starts, box);
+    struct ray_tree tree = ray_tree_of(nodes, n_levels, starts, box);
+    tree.leaves = leaves;
+    tree.ids = ids;
+    tree.mesh = (struct tree_mesh){positions, mesh_faces, first_face, center, scale};
     const struct rays rays = {origins, directions, lengths, places, charts};
     const struct results results = {cull, nearest, backs, barycentrics, distances, faces};
     for (int64_t first = 0, end; first < n && n_leaves > 0; first = end) {

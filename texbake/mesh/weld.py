@@ -143,14 +143,14 @@ def without_copies(
     positions: FloatArray,
     faces: IntArray,
     ids: npt.NDArray[np.integer],
-    codes: npt.NDArray[np.uint64],
+    codes: npt.NDArray[np.unsignedinteger],
 ) -> npt.NDArray[np.bool_]:
     """Tell which faces to keep, so that no large stack of equal ones is left.
 
     Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
 
     `positions` (V, 3) float64; `faces` (F, 3) int32; `ids` (n,) int: faces, sorted by their codes;
-    `codes` (n,) uint64: equal for faces with the same corners. Returns (n,) bool.
+    `codes` (n,): equal for faces with the same corners. Returns (n,) bool.
     """
     kept = np.ones(len(ids), dtype=np.bool_)
     if len(ids) <= _STACK:
@@ -159,7 +159,7 @@ def without_copies(
     ahead = codes[_STACK:] == codes[:-_STACK]
     if not ahead.any():
         return kept
-    starts = np.flatnonzero(np.diff(codes, prepend=codes[0] ^ np.uint64(1)))
+    starts = np.flatnonzero(np.diff(codes, prepend=codes[:1] ^ codes.dtype.type(1)))
     lengths = np.diff(starts, append=len(codes))
     rows = np.flatnonzero(np.repeat(lengths > _STACK, lengths))
     low = positions.min(axis=0)

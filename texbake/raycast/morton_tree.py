@@ -7,6 +7,7 @@ the triangles once more. Kernel: `core/morton_tree.c`.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ WIDTH = 8  # triangles of a leaf, and boxes of a node
 _CELLS = 1024  # of the curve, along the longest side of the box
 _DIGIT_BITS = 10
 _FACES_PER_BAND = 1 << 18
-_LOWER_HALF = np.uint64((1 << 32) - 1)
+_SMALL = 1 << 16  # leaves whose corners take up to 38 MB
 _FACES_OF_LARGE_NODE = 1 << 12
 _LEAVES_PER_BAND = 1 << 13  # a multiple of WIDTH: a node is written by one band
 
@@ -31,15 +32,18 @@ _LEAVES_PER_BAND = 1 << 13  # a multiple of WIDTH: a node is written by one band
 class MortonTree:
     """Triangles in leaves of `WIDTH`, and boxes around them, in local coordinates."""
 
-    # (L, 9, WIDTH) float64; x, y, z of the first corner of all triangles of a leaf, then of the
-    # second and third.
-    leaves: FloatArray
+    # Positions in model units, faces, number of the first face, center and scale of the frame.
+    mesh: tuple[FloatArray, IntArray, int, FloatArray, float]
     ids: IntArray  # (L, WIDTH) int32; faces of the mesh; -1 where there is none
     # (N, 6, WIDTH) float32; boxes of the children of each node: least x, y, z, then greatest. The
     # lowest level first, the root last.
     nodes: npt.NDArray[np.float32]
     starts: npt.NDArray[np.int64]  # (levels,) int64; first node of each level
     box: FloatArray  # (6,) float64; of all triangles: least x, y, z, then greatest
+    # Whether its leaves are filled; otherwise rays load corners from the mesh, which in a large
+    # tree takes less time than filling the leaves, and much less memory.
+    has_leaves: bool
+    threads: int | None
 
     @classmethod
     def build(
@@ -60,10 +64,10 @@ class MortonTree:
         faces = range(len(mesh.faces)) if faces is None else faces
         places = _sorted_places(mesh, faces, threads)
         if isinstance(mesh, Mesh):
-            face_ids = (places & _LOWER_HALF).astype(np.int32)
-            codes = places >> np.uint64(32)
+            face_ids, codes = places.view(np.uint32).reshape(-1, 2).T  # on little-endian machines
             kept = without_copies(mesh.positions, mesh.faces, face_ids, codes)
-            places = places[kept]
+            if not kept.all():
+                places = places[kept]
         if compact:
             _sort_into_nodes(places, mesh, frame, threads)
         n_leaves = -(-len(places) // WIDTH)
@@ -71,30 +75,47 @@ class MortonTree:
         while sizes[-1] > 1:
             sizes.append(-(-sizes[-1] // WIDTH))
         starts = np.cumsum([0, *sizes], dtype=np.int64)
-        leaves = np.empty((n_leaves, 9, WIDTH))
         ids = np.empty((n_leaves, WIDTH), dtype=np.int32)
         nodes = np.empty((int(starts[-1]), 6, WIDTH), dtype=np.float32)
 
-        def fill(start: int, stop: int) -> None:
-            core.fill_leaves(
+        def bound(start: int, stop: int) -> None:
+            core.bound_leaves(
                 places[start * WIDTH : stop * WIDTH],
                 mesh.positions,
                 mesh.faces,
                 frame.center,
                 frame.scale,
-                leaves[start:stop],
                 ids[start:stop],
                 nodes[start // WIDTH : -(-stop // WIDTH)],
             )
 
-        run_bands(fill, n_leaves, band=_LEAVES_PER_BAND, threads=threads)
+        run_bands(bound, n_leaves, band=_LEAVES_PER_BAND, threads=threads)
         for below, start, end in zip(starts, starts[1:-1], starts[2:], strict=False):
             core.join_boxes(nodes[below:start], nodes[start:end])
-        if isinstance(mesh, Chunk) and mesh.first:
-            np.add(ids, np.int32(mesh.first), out=ids, where=ids >= 0)
+        first = mesh.first if isinstance(mesh, Chunk) else 0
+        if first:
+            np.add(ids, np.int32(first), out=ids, where=ids >= 0)
         root = nodes[-1].astype(np.float64)
         box = np.concatenate([root[:3].min(axis=1), root[3:].max(axis=1)])
-        return cls(leaves, ids, nodes, starts[:-1], box)
+        of_mesh = (mesh.positions, mesh.faces, first, frame.center, frame.scale)
+        has_leaves = compact or n_leaves <= _SMALL
+        tree = cls(of_mesh, ids, nodes, starts[:-1], box, has_leaves, threads)
+        _ = has_leaves and tree.leaves  # filled before threads ask for them
+        return tree
+
+    @cached_property
+    def leaves(self) -> FloatArray:
+        """(L, 9, WIDTH) float64: local x, y, z of the first corners of a leaf, then of the others.
+
+        Hemispheres, whose many rays meet each leaf often, need them.
+        """
+        leaves = np.empty((len(self.ids), 9, WIDTH))
+
+        def fill(start: int, stop: int) -> None:
+            core.fill_leaves(self.ids[start:stop], *self.mesh, leaves[start:stop])
+
+        run_bands(fill, len(leaves), band=_LEAVES_PER_BAND, threads=self.threads)
+        return leaves
 
 
 def _sorted_places(mesh: Mesh | Chunk, faces: range, threads: int | None) -> npt.NDArray[np.uint64]:

@@ -165,8 +165,9 @@ class RayScene:
                 if self.in_chunks and np.isnan(box[0]):
                     core.bound_points(_ends(rays), box)
                 core.cast_bundles(
-                    tree.leaves,
+                    *tree.mesh,
                     tree.ids,
+                    tree.leaves if tree.has_leaves else None,
                     tree.nodes,
                     tree.starts,
                     tree.box,
