@@ -23,6 +23,8 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import next_half_edges
 from texbake.mesh.weld import weld_rows
 
+LongArray = npt.NDArray[np.int64]
+
 _ANGLES = 2.0 * np.pi * np.arange(32) / 32.0
 _DIRECTIONS = np.stack([pm.cos(_ANGLES), pm.sin(_ANGLES)])
 _STEP_COS, _STEP_SIN = _DIRECTIONS[:, 1].tolist()  # from one direction to the next
@@ -49,7 +51,7 @@ class ChartPiece:
     @property
     def excess(self) -> float:
         """Area times (L2² - 1), which can be summed over the pieces of a mesh."""
-        return self.area * (self.l2**2 - 1.0)
+        return self.area * (self.l2 * self.l2 - 1.0)
 
     @property
     def waste(self) -> float:
@@ -63,19 +65,19 @@ class ChartPiece:
         return float((extents + np.roll(extents, len(extents) // 2)).max())
 
     @cached_property
-    def border_lengths(self) -> FloatArray:
-        """(k,) float64: lengths of the border's half-edges in space."""
+    def measures(self) -> tuple[float, float, float, float]:
+        """Area, L2 stretch, hull area, and length of the border in space."""
         starts, ends = self.border_ends.T
-        return np.asarray(pm.norm(self.points[ends] - self.points[starts], axis=1))
+        lengths = pm.norm(self.points[ends] - self.points[starts], axis=1)
+        return self.area, self.l2, self.hull_area, float(lengths.sum())
 
     @property
-    def is_disk(self) -> bool:
-        """Whether it can be flattened: a disk, possibly with holes."""
-        starts, ends = self.border_ends.T
-        loops = merged_labels(len(self.points), starts, ends)[starts]
-        n_loops = len(np.unique(loops))
-        n_edges = (3 * len(self.faces) + len(self.border)) // 2
-        return n_loops > 0 and len(self.points) - n_edges + len(self.faces) + n_loops == 2
+    def arrays(self) -> tuple[npt.NDArray[np.generic], ...]:
+        """The arrays, in their order."""
+        return (
+            self.face_ids, self.faces, self.points, self.uvs, self.angles, self.border,
+            self.border_ends,
+        )  # fmt: skip
 
 
 def relax_piece(piece: ChartPiece, *, n_iterations: int) -> ChartPiece | None:
@@ -154,10 +156,7 @@ def parts_of(
     piece: ChartPiece, sides: npt.NDArray[np.bool_], opposite: IntArray
 ) -> list[ChartPiece]:
     """Cut a piece between faces of different `sides` (m,); coordinates do not change."""
-    half_edges = (3 * piece.face_ids[:, None] + np.arange(3, dtype=np.int32)).ravel()
-    half_edges = np.setdiff1d(half_edges, piece.border, assume_unique=True)
-    half_edges = half_edges[opposite[half_edges] >= 0]
-    local, across = (_within(piece.face_ids, ids) for ids in (half_edges, opposite[half_edges]))
+    local, across = _inner_half_edges(piece, opposite)
     kept = sides[local // 3] == sides[across // 3]
     return _connected(
         piece.face_ids,
@@ -166,6 +165,15 @@ def parts_of(
         local[kept],
         across[kept],
     )
+
+
+def _inner_half_edges(piece: ChartPiece, opposite: IntArray) -> tuple[IntArray, IntArray]:
+    """Half-edges between faces of a piece, and their opposites, numbered within the piece."""
+    is_inner = np.ones(3 * len(piece.face_ids), dtype=bool)
+    is_inner[_within(piece.face_ids, piece.border)] = False
+    across = opposite[(3 * piece.face_ids[:, None] + np.arange(3, dtype=np.int32)).ravel()]
+    local = np.flatnonzero(is_inner & (across >= 0)).astype(np.int32)
+    return local, _within(piece.face_ids, across[local])
 
 
 def charts_of(pieces: Sequence[ChartPiece], charts: Charts) -> Charts:
@@ -213,13 +221,16 @@ def _connected(
     ).reshape(-1, 3)
     is_border = np.ones((len(face_ids), 3), dtype=bool)
     is_border.ravel()[half_edges] = False
-    parts = merged_labels(len(face_ids), half_edges // 3, across // 3)
-    order = np.argsort(parts, kind="stable")
-    bounds = np.cumsum(np.bincount(parts))[:-1]
     return [
         _piece(face_ids[own], corners[own], corner_uvs[own], vertices[own], is_border[own])
-        for own in np.split(order, bounds)
+        for own in _connected_faces(len(face_ids), half_edges, across)
     ]
+
+
+def _connected_faces(n_faces: int, half_edges: IntArray, across: IntArray) -> list[LongArray]:
+    """Faces of each connected part, ascending."""
+    parts = merged_labels(n_faces, half_edges // 3, across // 3)
+    return np.split(np.argsort(parts, kind="stable"), np.cumsum(np.bincount(parts))[:-1])
 
 
 def _piece(
@@ -296,20 +307,34 @@ def compact_parts(
         piece = left.pop()
         best: list[ChartPiece] = []
         if piece.waste > most_waste * piece.area and piece.area > least_area:
-            least = piece.waste - _LEAST_SAVED * piece.area
-            for sides in _lines(piece):
-                whole = whole_polygons(piece, sides, polygons)
-                if whole.all() or not whole.any():
-                    continue
-                halves = parts_of(piece, whole, opposite)
-                waste = sum(half.waste for half in halves)
-                if waste < least:
-                    best, least = halves, waste
+            sides = _best_line(piece, opposite, polygons)
+            best = [] if sides is None else parts_of(piece, sides, opposite)
         if best:
             left += best
         else:
             parts.append(piece)
     return parts
+
+
+def _best_line(
+    piece: ChartPiece, opposite: IntArray, polygons: IntArray | None
+) -> npt.NDArray[np.bool_] | None:
+    """(m,) sides of the line that leaves the least waste; None if each leaves too much."""
+    best, least = None, piece.waste - _LEAST_SAVED * piece.area
+    local, across = _inner_half_edges(piece, opposite)
+    uvs, areas = piece.uvs[piece.faces], surface_areas(piece.points[piece.faces])
+    for sides in _lines(piece):
+        whole = whole_polygons(piece, sides, polygons)
+        if whole.all() or not whole.any():
+            continue
+        kept = whole[local // 3] == whole[across // 3]
+        waste = sum(
+            hull_area(uvs[own].reshape(-1, 2)) - float(areas[own].sum())
+            for own in _connected_faces(len(whole), local[kept], across[kept])
+        )
+        if waste < least:
+            best, least = whole, waste
+    return best
 
 
 def _lines(piece: ChartPiece) -> list[npt.NDArray[np.bool_]]:

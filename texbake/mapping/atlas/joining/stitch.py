@@ -1,195 +1,17 @@
-"""Two neighboring charts stitched into one: where they may be stitched, and what it costs.
+"""Two neighboring charts stitched into one: what it may cost, and what it costs.
 
-Neighbors meet along paths of edges. Vertices inside a path become inner vertices of the joined
-chart, so that any difference of their angle from a full turn becomes stretch. Where that is large,
-as at the corner of a cube, it is better to stitch the path only up to that vertex. The cost is
-found by flattening both charts together.
+Kernel: `core/chart_stitching.c`, which says where charts are stitched.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from texbake.core import portable_math as pm
-from texbake.mapping.atlas.joining.pieces import ChartPiece, hull_area, relax_piece
-from texbake.mapping.seams import merged_labels
-from texbake.mesh.mesh import FloatArray, IntArray
-
-# Largest difference between the angle around a vertex and a full turn for stitching across it.
-_MOST_DEFECT = math.radians(25.0)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Contact:
-    """The half-edges along which two pieces, `one` and `other`, meet."""
-
-    # at_one, at_other: (k,) int64; their positions in the borders of the pieces, in the order of
-    # paths.
-    at_one: npt.NDArray[np.int64]
-    at_other: npt.NDArray[np.int64]
-    paths: IntArray  # (k,) int32; the path that each belongs to
-    lengths: FloatArray  # (k,) float64; lengths in space
-    # (k,) float64; angle, in radians, that the vertex at the start of the half-edge would have
-    # inside the joined chart; NaN at the start of a path.
-    turns: FloatArray
-
-
-def find_contact(one: ChartPiece, other: ChartPiece, opposite: IntArray) -> Contact | None:
-    """Find where two pieces meet; None if they do not."""
-    across = opposite[one.border]
-    slots = np.minimum(np.searchsorted(other.border, across), len(other.border) - 1)
-    at_one = np.flatnonzero(other.border[slots] == across)
-    if len(at_one) == 0:
-        return None
-    at_other = slots[at_one]
-    starts = np.stack([one.border_ends[at_one, 0], other.border_ends[at_other, 1]], axis=1)
-    ends = np.stack([one.border_ends[at_one, 1], other.border_ends[at_other, 0]], axis=1)
-    order, paths, goes_on = _chained(starts, ends)
-    from_one, from_other = starts[order].T
-    return Contact(
-        at_one=at_one[order],
-        at_other=at_other[order],
-        paths=paths,
-        lengths=pm.norm(one.points[ends[order, 0]] - one.points[starts[order, 0]], axis=1),
-        turns=np.where(goes_on, one.angles[from_one] + other.angles[from_other], np.nan),
-    )
-
-
-def _chained(
-    starts: IntArray, ends: IntArray
-) -> tuple[npt.NDArray[np.int64], IntArray, npt.NDArray[np.bool_]]:
-    """Order half-edges by paths; also return the path of each, and whether another precedes it.
-
-    A closed path starts at its first half-edge, which its last one precedes.
-    """
-    slots = {start: i for i, start in enumerate(map(tuple, starts.tolist()))}
-    following = [slots.get(end, -1) for end in map(tuple, ends.tolist())]
-    has_previous = np.zeros(len(starts), dtype=bool)
-    has_previous[[i for i in following if i >= 0]] = True
-    seen = [False] * len(starts)
-    order: list[int] = []
-    paths: list[int] = []
-    n_paths = 0
-    for first in [*np.flatnonzero(~has_previous).tolist(), *range(len(starts))]:
-        if seen[first]:
-            continue
-        at = first
-        while at >= 0 and not seen[at]:
-            seen[at] = True
-            order.append(at)
-            paths.append(n_paths)
-            at = following[at]
-        n_paths += 1
-    chosen = np.array(order, dtype=np.int64)
-    return chosen, np.array(paths, dtype=np.int32), has_previous[chosen]
-
-
-def stitch_choices(contact: Contact) -> list[npt.NDArray[np.int64]]:
-    """Choices of half-edges to stitch along a contact, the longest first.
-
-    They are: all half-edges; the longest path; and the longest stretch of a path that passes no
-    vertex whose angle is far from a full turn. Equal choices are given once.
-    """
-    k = len(contact.paths)
-    new_path = np.diff(contact.paths, prepend=-1) != 0
-    sharp = ~(np.abs(contact.turns - 2.0 * math.pi) <= _MOST_DEFECT)  # true for NaN
-    ways = [np.arange(k)]
-    for breaks in (new_path, new_path | sharp):
-        runs = np.cumsum(breaks) - 1
-        longest = np.flatnonzero(runs == int(np.argmax(np.bincount(runs, contact.lengths))))
-        if len(longest) < len(ways[-1]):
-            ways.append(longest)
-    return ways
-
-
-def stitch(
-    one: ChartPiece, other: ChartPiece, contact: Contact, way: npt.NDArray[np.int64]
-) -> ChartPiece:
-    """Stitch two pieces along some half-edges of their contact.
-
-    `other` is rotated and moved to fit the border of `one` best; stitched vertices are halfway.
-    The result may have flips, its `l2` is NaN (unknown), and its hull area is approximate.
-    """
-    n_one = len(one.points)
-    ends_one = one.border_ends[contact.at_one[way]]
-    ends_other = other.border_ends[contact.at_other[way]][:, ::-1]
-    labels = merged_labels(n_one + len(other.points), ends_one.ravel(), ends_other.ravel() + n_one)
-    counts = np.bincount(labels)
-    moved = _fitted(other.uvs, other.uvs[ends_other], one.uvs[ends_one], contact.lengths[way])
-    uvs = np.concatenate([one.uvs, moved])
-    means = [np.bincount(labels, uvs[:, axis]) / counts for axis in (0, 1)]
-    points = np.empty((len(counts), 3))
-    points[labels] = np.concatenate([one.points, other.points])
-    border, ends = _open_border(one, other, contact, way, labels)
-    face_ids = np.concatenate([one.face_ids, other.face_ids])
-    order = np.argsort(face_ids, kind="stable")
-    return ChartPiece(
-        face_ids=face_ids[order],
-        faces=labels[np.concatenate([one.faces, other.faces + np.int32(n_one)])[order]],
-        points=points,
-        uvs=np.stack(means, axis=1),
-        angles=np.asarray(
-            np.bincount(labels, np.concatenate([one.angles, other.angles])), dtype=np.float64
-        ),
-        border=border,
-        border_ends=ends,
-        area=one.area + other.area,
-        l2=math.nan,
-        hull_area=hull_area(uvs),
-    )
-
-
-def _open_border(
-    one: ChartPiece,
-    other: ChartPiece,
-    contact: Contact,
-    way: npt.NDArray[np.int64],
-    labels: IntArray,
-) -> tuple[IntArray, IntArray]:
-    """Border of the stitched piece, and the ends of its half-edges.
-
-    A hole of two edges between the same two vertices closes.
-    """
-    keep_one, keep_other = np.ones(len(one.border), bool), np.ones(len(other.border), bool)
-    keep_one[contact.at_one[way]] = False
-    keep_other[contact.at_other[way]] = False
-    border = np.concatenate([one.border[keep_one], other.border[keep_other]])
-    ends = np.concatenate(
-        [one.border_ends[keep_one], other.border_ends[keep_other] + np.int32(len(one.points))]
-    )
-    ends = labels[ends]
-    keys = ends[:, 0].astype(np.int64) << 32 | ends[:, 1]
-    back = ends[:, 1].astype(np.int64) << 32 | ends[:, 0]
-    is_open = ~np.isin(back, keys)
-    border, ends = border[is_open], ends[is_open]
-    order = np.argsort(border, kind="stable")
-    return border[order], ends[order]
-
-
-def _fitted(
-    uvs: FloatArray, sources: FloatArray, targets: FloatArray, lengths: FloatArray
-) -> FloatArray:
-    """Rotate and move coordinates so that edges (k, 2, 2) fit others best, weighted by length.
-
-    Based on: P. Schönemann, "A generalized solution of the orthogonal Procrustes problem", 1966.
-    """
-    weights = np.repeat(lengths, 2)
-    weights = (
-        weights / weights.sum() if weights.sum() > 0.0 else np.full(len(weights), 1 / len(weights))
-    )
-    source, target = sources.reshape(-1, 2), targets.reshape(-1, 2)
-    source_mean, target_mean = ((weights[:, None] * ends).sum(axis=0) for ends in (source, target))
-    (x, y), (s, t) = (source - source_mean).T, (target - target_mean).T
-    cos, sin = float((weights * (x * s + y * t)).sum()), float((weights * (x * t - y * s)).sum())
-    length = pm.hypot(cos, sin)
-    cos, sin = (cos / length, sin / length) if length > 0.0 else (1.0, 0.0)
-    turn = np.array([[cos, sin], [-sin, cos]])
-    return np.asarray(pm.matmul(uvs - source_mean, turn) + target_mean)
-
+from texbake.core import core
+from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
+from texbake.mesh.mesh import IntArray
 
 # Cost of a merge that makes nothing worse; the one that stitches most of a border is then first.
 _LEAST_COST = 1e-3
@@ -257,24 +79,39 @@ def find_merge(
     """
     if one.area < other.area:
         one, other = other, one
-    contact = find_contact(one, other, opposite)
-    if contact is None or not scale.has_place(one, other):
+    if not scale.has_place(one, other):
         return None
-    shorter = min(float(one.border_lengths.sum()), float(other.border_lengths.sum()))
+    face_ids, border = (
+        np.empty(len(of_one) + len(of_other), dtype=np.int32)
+        for of_one, of_other in ((one.face_ids, other.face_ids), (one.border, other.border))
+    )
+    faces, ends = np.empty((len(face_ids), 3), np.int32), np.empty((len(border), 2), np.int32)
+    n_most = len(one.points) + len(other.points)
+    points, uvs, angles = np.empty((n_most, 3)), np.empty((n_most, 2)), np.empty(n_most)
+    counts, figures = np.empty(2, dtype=np.int64), np.empty(3)
     longest = max(scale.chart_length, one.length, other.length)
-    best = None
-    for way in stitch_choices(contact):
-        union = stitch(one, other, contact, way)
-        length = float(contact.lengths[way].sum())
-        if length == 0.0 or not union.is_disk:
-            continue
-        sketch = _chart_merge(union, one, other, length / shorter)
-        if sketch.waste > scale.waste or sketch.piece.length > longest:
-            continue
-        merge = relax_merge(sketch, one, other, n_iterations=n_iterations)
-        if merge is not None and (best is None or merge.cost(scale) < best.cost(scale)):
-            best = merge
-    return best
+    is_found = core.stitch_charts(
+        *one.arrays, *other.arrays, opposite, np.array([one.measures, other.measures]),
+        np.array([scale.excess, scale.waste, longest]), n_iterations,
+        face_ids, faces, points, uvs, angles, border, ends, counts, figures,
+    )  # fmt: skip
+    if not is_found:
+        return None
+    n_points, n_border = counts.tolist()
+    l2, hull, share = figures.tolist()
+    piece = ChartPiece(
+        face_ids=face_ids,
+        faces=faces,
+        points=points[:n_points],
+        uvs=uvs[:n_points],
+        angles=angles[:n_points],
+        border=border[:n_border],
+        border_ends=ends[:n_border],
+        area=one.area + other.area,
+        l2=l2,
+        hull_area=hull,
+    )
+    return _chart_merge(piece, one, other, share)
 
 
 def relax_merge(
