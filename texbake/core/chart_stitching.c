@@ -8,7 +8,7 @@
    Based on: P. Schönemann, "A generalized solution of the orthogonal Procrustes problem", 1966 (how
    one chart is turned to fit the other).
 
-   Called from texbake/mapping/atlas/joining/stitch.py. */
+   Called from texbake/mapping/atlas/joining/stitch.py and pieces.py. */
 
 #include <math.h>
 #include <string.h>
@@ -41,7 +41,7 @@ struct chart {
     const int32_t (*faces)[3];
     const double (*points)[3], (*uvs)[2], *angles;
     const int32_t *border, (*ends)[2];
-    double area, l2, hull_area;
+    double area, l2, hull_area, length;
 };
 
 /* The half-edges along which two charts meet, in the order of paths. */
@@ -263,28 +263,27 @@ static void measure_extents(int64_t n, const double (*uvs)[2], double extents[N_
     }
 }
 
-/* Area of the convex hull, as `hull_area` of pieces.py. */
-static double hull_area(int64_t n, const double (*uvs)[2])
+/* Area of the convex hull, as `hull_area` of pieces.py; `length` gets the greatest extent of the layout
+   in any direction. */
+static double measure_hull(int64_t n, const double (*uvs)[2], double *length)
 {
     double extents[N_DIRECTIONS], products[N_DIRECTIONS];
     measure_extents(n, uvs, extents);
     const double c = portable_cos(2.0 * PI / N_DIRECTIONS);
+    *length = 0.0;
     for (int i = 0; i < N_DIRECTIONS; i++) {
         const double before = extents[(i + N_DIRECTIONS - 1) % N_DIRECTIONS];
         const double after = extents[(i + 1) % N_DIRECTIONS];
         products[i] = extents[i] * (before + after - 2.0 * extents[i] * c);
+        *length = max_f64(*length, extents[i] + extents[(i + N_DIRECTIONS / 2) % N_DIRECTIONS]);
     }
     return sum_of(N_DIRECTIONS, products) / (2.0 * portable_sin(2.0 * PI / N_DIRECTIONS));
 }
 
-/* Greatest extent of a layout, in any direction. */
-static double length_of(const struct chart *chart)
+/* Write the area of the convex hull of points, and their greatest extent. */
+EXPORT void measure_hull_of(int64_t n, const double uvs[n][2], double figures[2])
 {
-    double extents[N_DIRECTIONS], longest = 0.0;
-    measure_extents(chart->n_points, chart->uvs, extents);
-    for (int i = 0; i < N_DIRECTIONS / 2; i++)
-        longest = max_f64(longest, extents[i] + extents[i + N_DIRECTIONS / 2]);
-    return longest;
+    figures[0] = measure_hull(n, uvs, &figures[1]);
 }
 
 /* Write the border of the stitched chart: those of both without the stitched half-edges. A hole of
@@ -385,7 +384,7 @@ static struct chart stitch(
     double (*laid)[2] = take(arena, n_all, sizeof *laid);
     memcpy(laid, one->uvs, (size_t)n_one * sizeof *laid);
     fit(arena, one, other, way, laid + n_one);
-    made.hull_area = hull_area(n_all, (const double (*)[2])laid);
+    made.hull_area = measure_hull(n_all, (const double (*)[2])laid, &made.length);
     double (*points)[3] = take(arena, made.n_points, sizeof *points);
     double (*uvs)[2] = take_zeros(arena, made.n_points, sizeof *uvs);
     double *angles = TAKE_ZEROS(arena, double, made.n_points);
@@ -405,6 +404,7 @@ static struct chart stitch(
     made.points = (const double (*)[3])points;
     made.uvs = (const double (*)[2])uvs;
     made.angles = angles;
+    measure_hull(made.n_points, made.uvs, &made.length);
     return made;
 }
 
@@ -445,11 +445,32 @@ static bool relax(struct arena *arena, struct chart *chart, int64_t n_iterations
         if (flat.is_injective) {
             chart->uvs = (const double (*)[2])uvs;
             chart->l2 = flat.l2;
-            chart->hull_area = hull_area(chart->n_points, chart->uvs);
+            chart->hull_area = measure_hull(chart->n_points, chart->uvs, &chart->length);
             return true;
         }
     }
     return false;
+}
+
+/* Flatten a chart with less distortion, from the layout `start` if that has no flips; `figures` gets its
+   stretch, its hull area and its length. False if no layout without flips and overlaps is found. */
+EXPORT int64_t relax_chart(
+    int64_t n_points, int64_t n_faces, const double points[n_points][3],
+    const int32_t faces[n_faces][3], const double start[n_points][2], int64_t n_iterations,
+    double uvs[n_points][2], double figures[3])
+{
+    OPEN_ARENA(arena);
+    struct chart chart = {
+        .n_faces = n_faces, .n_points = n_points, .faces = faces, .points = points, .uvs = start};
+    const bool is_relaxed = relax(arena, &chart, n_iterations);
+    if (is_relaxed) {
+        memcpy(uvs, chart.uvs, (size_t)n_points * sizeof *uvs);
+        figures[0] = chart.l2;
+        figures[1] = chart.hull_area;
+        figures[2] = chart.length;
+    }
+    close_arena(arena);
+    return is_relaxed;
 }
 
 static double waste_of(const struct chart *chart)
@@ -477,7 +498,7 @@ static bool merge_in_way(
     merge->share = length / shorter;
     const double waste = waste_of(one), wasted = waste_of(other);
     if (!is_disk(arena, chart) || waste_of(chart) - waste - wasted > tolerance.waste
-        || length_of(chart) > tolerance.longest || !relax(arena, chart, n_iterations))
+        || chart->length > tolerance.longest || !relax(arena, chart, n_iterations))
         return false;
     const double more_excess = excess_of(chart) - excess_of(one) - excess_of(other);
     const double more_waste = waste_of(chart) - waste - wasted;
@@ -494,7 +515,7 @@ static bool merge_in_way(
    whether there is one. `measures` are the area, L2 stretch, hull area and length of the border of
    both; `tolerance` is how much stretch and empty area may be added to all charts, and how long a
    chart may be. `counts` gets how many vertices and half-edges of the border it has; `figures` its
-   stretch, its hull area, and the stitched share of the shorter border. */
+   stretch, its hull area, its length, and the stitched share of the shorter border. */
 EXPORT int64_t stitch_charts(
     int64_t n_faces, int64_t n_points, int64_t n_border,
     const int32_t face_ids[n_faces], const int32_t faces[n_faces][3],
@@ -509,13 +530,13 @@ EXPORT int64_t stitch_charts(
     int32_t joined_ids[n_faces + n_faces_2], int32_t joined_faces[n_faces + n_faces_2][3],
     double joined_points[n_points + n_points_2][3], double joined_uvs[n_points + n_points_2][2],
     double joined_angles[n_points + n_points_2], int32_t joined_border[n_border + n_border_2],
-    int32_t joined_ends[n_border + n_border_2][2], int64_t counts[2], double figures[3])
+    int32_t joined_ends[n_border + n_border_2][2], int64_t counts[2], double figures[4])
 {
     OPEN_ARENA(arena);
     const struct chart one = {n_faces, n_points, n_border, face_ids, faces, points, uvs, angles,
-        border, ends, measures[0][0], measures[0][1], measures[0][2]};
+        border, ends, measures[0][0], measures[0][1], measures[0][2], 0.0};
     const struct chart other = {n_faces_2, n_points_2, n_border_2, face_ids_2, faces_2, points_2,
-        uvs_2, angles_2, border_2, ends_2, measures[1][0], measures[1][1], measures[1][2]};
+        uvs_2, angles_2, border_2, ends_2, measures[1][0], measures[1][1], measures[1][2], 0.0};
     const struct tolerance allowed = {tolerance[0], tolerance[1], tolerance[2]};
     const double shorter = min_f64(measures[0][3], measures[1][3]);
     const struct contact contact = find_contact(arena, &one, &other, opposite);
@@ -548,7 +569,8 @@ EXPORT int64_t stitch_charts(
         counts[1] = chart->n_border;
         figures[0] = chart->l2;
         figures[1] = chart->hull_area;
-        figures[2] = best.share;
+        figures[2] = chart->length;
+        figures[3] = best.share;
     }
     close_arena(arena);
     return is_found;

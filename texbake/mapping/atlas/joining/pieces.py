@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.charts import Charts, ChartSurface
-from texbake.mapping.atlas.flatten import flatten, measure_layout
+from texbake.mapping.atlas.flatten import measure_layout
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -24,10 +24,6 @@ from texbake.mesh.topology import next_half_edges
 from texbake.mesh.weld import weld_rows
 
 LongArray = npt.NDArray[np.int64]
-
-_ANGLES = 2.0 * np.pi * np.arange(32) / 32.0
-_DIRECTIONS = np.stack([pm.cos(_ANGLES), pm.sin(_ANGLES)])
-_STEP_COS, _STEP_SIN = _DIRECTIONS[:, 1].tolist()  # from one direction to the next
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,6 +43,7 @@ class ChartPiece:
     area: float  # area in space
     l2: float  # L2 stretch of the piece alone; infinite if a face is mirrored
     hull_area: float  # area of the convex hull of the coordinates, or a little more
+    length: float  # greatest extent of the coordinates, in any direction
 
     @property
     def excess(self) -> float:
@@ -57,12 +54,6 @@ class ChartPiece:
     def waste(self) -> float:
         """Area of the convex hull that the piece leaves empty."""
         return self.hull_area - self.area
-
-    @cached_property
-    def length(self) -> float:
-        """Greatest extent of the coordinates, in any direction."""
-        extents = _extents(self.uvs)
-        return float((extents + np.roll(extents, len(extents) // 2)).max())
 
     @cached_property
     def measures(self) -> tuple[float, float, float, float]:
@@ -84,20 +75,14 @@ def relax_piece(piece: ChartPiece, *, n_iterations: int) -> ChartPiece | None:
     """Flatten a piece with less distortion, starting from its coordinates if they have no flips.
 
     Returns None if no layout without flips and overlaps was found.
+
+    Kernel: `core/chart_stitching.c`.
     """
-    for keep_apart in (False, True):
-        flat = flatten(
-            piece.points,
-            piece.faces,
-            piece.uvs,
-            n_iterations=n_iterations,
-            keep_apart=keep_apart,
-        )
-        if flat is None:
-            return None
-        if flat.injective:
-            return replace(piece, uvs=flat.uvs, l2=flat.l2, hull_area=hull_area(flat.uvs))
-    return None
+    uvs, figures = np.empty_like(piece.uvs), np.empty(3)
+    if not core.relax_chart(piece.points, piece.faces, piece.uvs, n_iterations, uvs, figures):
+        return None
+    l2, hull, length = figures.tolist()
+    return replace(piece, uvs=uvs, l2=l2, hull_area=hull, length=length)
 
 
 def hull_area(uvs: FloatArray) -> float:
@@ -111,14 +96,15 @@ def hull_area(uvs: FloatArray) -> float:
     >>> round(hull_area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])), 9)
     2.0
     """
-    extents = _extents(uvs)
-    sides = np.roll(extents, 1) + np.roll(extents, -1) - 2.0 * extents * _STEP_COS
-    return float((extents * sides).sum() / (2.0 * _STEP_SIN))
+    return _hull(uvs)[0]
 
 
-def _extents(uvs: FloatArray) -> FloatArray:
-    """(32,) float64: how far points extend in each direction, from the first of them."""
-    return np.asarray((pm.matmul(uvs - uvs[0], _DIRECTIONS)).max(axis=0))
+def _hull(uvs: FloatArray) -> tuple[float, float]:
+    """Area of the convex hull, and the greatest extent. Kernel: `core/chart_stitching.c`."""
+    figures = np.empty(2)
+    core.measure_hull_of(np.ascontiguousarray(uvs), figures)
+    area, length = figures.tolist()
+    return area, length
 
 
 _N_DIRECTIONS = 4
@@ -246,6 +232,7 @@ def _piece(
     points, uvs = corners.reshape(-1, 3)[first], corner_uvs.reshape(-1, 2)[first]
     rows, columns = np.nonzero(is_border)
     layout = measure_layout(points, faces, uvs)
+    hull, length = _hull(uvs)
     return ChartPiece(
         face_ids=face_ids,
         faces=faces,
@@ -258,7 +245,8 @@ def _piece(
         border_ends=np.stack([faces[rows, columns], faces[rows, (columns + 1) % 3]], axis=1),
         area=float(surface_areas(corners).sum()),
         l2=np.inf if layout is None else layout.l2,
-        hull_area=hull_area(uvs),
+        hull_area=hull,
+        length=length,
     )
 
 

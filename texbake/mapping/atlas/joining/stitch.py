@@ -88,7 +88,7 @@ def find_merge(
     faces, ends = np.empty((len(face_ids), 3), np.int32), np.empty((len(border), 2), np.int32)
     n_most = len(one.points) + len(other.points)
     points, uvs, angles = np.empty((n_most, 3)), np.empty((n_most, 2)), np.empty(n_most)
-    counts, figures = np.empty(2, dtype=np.int64), np.empty(3)
+    counts, figures = np.empty(2, dtype=np.int64), np.empty(4)
     longest = max(scale.chart_length, one.length, other.length)
     is_found = core.stitch_charts(
         *one.arrays, *other.arrays, opposite, np.array([one.measures, other.measures]),
@@ -98,7 +98,7 @@ def find_merge(
     if not is_found:
         return None
     n_points, n_border = counts.tolist()
-    l2, hull, share = figures.tolist()
+    l2, hull, length, share = figures.tolist()
     piece = ChartPiece(
         face_ids=face_ids,
         faces=faces,
@@ -110,6 +110,7 @@ def find_merge(
         area=one.area + other.area,
         l2=l2,
         hull_area=hull,
+        length=length,
     )
     return _chart_merge(piece, one, other, share)
 
