@@ -5,8 +5,11 @@
    Called from texbake/baking/maps/geometry.py, hits.py and channel_images.py. */
 
 #include <math.h>
+#include <stdbool.h>
+#include <string.h>
 
 #include "core.h"
+#include "numbers.h"
 
 /* A value of three corners at the weights b and c of the second and third. */
 static inline double mix_f64(float b, float c, double p, double q, double r)
@@ -34,48 +37,105 @@ EXPORT void interpolate_corners(
     }
 }
 
+#define BLOCK 64 /* points handled together, for vector instructions */
+
+/* Points of faces, by coordinate: the weights of the corners, and the frames there. */
+struct block {
+    double a[BLOCK];
+    float b[BLOCK], c[BLOCK];
+    double normals[3][BLOCK], tangents[3][BLOCK], bitangents[3][BLOCK];
+};
+
+static void weigh(int n, const float (*barycentrics)[2], struct block *block)
+{
+    for (int k = 0; k < n; k++) {
+        block->b[k] = barycentrics[k][0];
+        block->c[k] = barycentrics[k][1];
+        block->a[k] = 1.0 - block->b[k] - block->c[k];
+    }
+}
+
+/* Write vectors divided by their lengths. */
+static void write_rows(
+    int n, const double *restrict x, const double *restrict y, const double *restrict z,
+    const double *restrict lengths, float values[][3])
+{
+    float rows[3][BLOCK];
+    for (int k = 0; k < n; k++) {
+        rows[0][k] = (float)(x[k] / lengths[k]);
+        rows[1][k] = (float)(y[k] / lengths[k]);
+        rows[2][k] = (float)(z[k] / lengths[k]);
+    }
+    for (int k = 0; k < n; k++)
+        for (int axis = 0; axis < 3; axis++)
+            values[k][axis] = rows[axis][k];
+}
+
 /* Write unit normals at points of faces; zero where the normals of the corners cancel. */
 EXPORT void interpolate_high_normals(
     int64_t n, int64_t n_faces, int64_t n_normals, const int32_t faces[n],
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], float values[n][3])
 {
-    for (int64_t i = 0; i < n; i++) {
-        const float b = barycentrics[i][0], c = barycentrics[i][1];
-        const int32_t *corner = corners[faces[i]];
-        const float *p = normals[corner[0]], *q = normals[corner[1]], *r = normals[corner[2]];
-        const double x = mix_f32(b, c, p[0], q[0], r[0]);
-        const double y = mix_f32(b, c, p[1], q[1], r[1]);
-        const double z = mix_f32(b, c, p[2], q[2], r[2]);
-        double length = sqrt(x * x + y * y + z * z);
-        if (length == 0.0)
-            length = 1.0;
-        values[i][0] = (float)(x / length);
-        values[i][1] = (float)(y / length);
-        values[i][2] = (float)(z / length);
+    struct block block;
+    for (int64_t start = 0; start < n; start += BLOCK) {
+        const int n_here = (int)min_i64(n - start, BLOCK);
+        float of_corners[3][3][BLOCK];
+        weigh(n_here, barycentrics + start, &block);
+        for (int k = 0; k < n_here; k++) {
+            const int32_t *corner = corners[faces[start + k]];
+            for (int each = 0; each < 3; each++)
+                for (int axis = 0; axis < 3; axis++)
+                    of_corners[axis][each][k] = normals[corner[each]][axis];
+        }
+        for (int axis = 0; axis < 3; axis++) {
+            const float *restrict p = of_corners[axis][0], *restrict q = of_corners[axis][1];
+            const float *restrict r = of_corners[axis][2];
+            for (int k = 0; k < n_here; k++)
+                block.normals[axis][k] =
+                    block.a[k] * p[k] + block.b[k] * q[k] + block.c[k] * r[k];
+        }
+        const double *x = block.normals[0], *y = block.normals[1], *z = block.normals[2];
+        double lengths[BLOCK];
+        for (int k = 0; k < n_here; k++) {
+            const double length = sqrt(x[k] * x[k] + y[k] * y[k] + z[k] * z[k]);
+            lengths[k] = length == 0.0 ? 1.0 : length;
+        }
+        write_rows(n_here, x, y, z, lengths, values + start);
     }
 }
 
-struct frame {
-    double n[3], t[3], b[3];
-};
-
-/* Normal, tangent and bitangent at a point of a face, interpolated without renormalizing. */
-static struct frame frame_at(
-    float b, float c, const double (*normals)[3], const int32_t *corners, const float (*tangents)[4])
+/* Write normals, tangents and bitangents at points of one face, interpolated without renormalizing. */
+static void frame_points(
+    struct block *block, int first, int end, const double normals[3][3], const float tangents[3][4])
 {
-    struct frame frame;
-    const double *p = normals[corners[0]], *q = normals[corners[1]], *r = normals[corners[2]];
+    const double sign = tangents[0][3], *restrict a = block->a;
+    const float *restrict b = block->b, *restrict c = block->c;
     for (int axis = 0; axis < 3; axis++) {
-        frame.n[axis] = mix_f64(b, c, p[axis], q[axis], r[axis]);
-        frame.t[axis] = mix_f32(b, c, tangents[0][axis], tangents[1][axis], tangents[2][axis]);
+        const double p = normals[0][axis], q = normals[1][axis], r = normals[2][axis];
+        const float s = tangents[0][axis], t = tangents[1][axis], u = tangents[2][axis];
+        double *restrict normal = block->normals[axis], *restrict tangent = block->tangents[axis];
+        for (int k = first; k < end; k++) {
+            normal[k] = a[k] * p + b[k] * q + c[k] * r;
+            tangent[k] = a[k] * s + b[k] * t + c[k] * u;
+        }
     }
-    const double sign = tangents[0][3];
-    const double *normal = frame.n, *t = frame.t;
-    frame.b[0] = sign * (normal[1] * t[2] - normal[2] * t[1]);
-    frame.b[1] = sign * (normal[2] * t[0] - normal[0] * t[2]);
-    frame.b[2] = sign * (normal[0] * t[1] - normal[1] * t[0]);
-    return frame;
+    for (int axis = 0; axis < 3; axis++) {
+        const int y = (axis + 1) % 3, z = (axis + 2) % 3;
+        const double *restrict ny = block->normals[y], *restrict nz = block->normals[z];
+        const double *restrict ty = block->tangents[y], *restrict tz = block->tangents[z];
+        for (int k = first; k < end; k++)
+            block->bitangents[axis][k] = sign * (ny[k] * tz[k] - nz[k] * ty[k]);
+    }
+}
+
+/* End of the points that are on the same face as the first. */
+static inline int end_of_run(const int32_t *faces, int first, int n)
+{
+    int end = first + 1;
+    while (end < n && faces[end] == faces[first])
+        end++;
+    return end;
 }
 
 /* Turn vectors of the tangent space at points of faces into unit vectors of model space, in place;
@@ -85,30 +145,72 @@ EXPORT void from_tangent_space(
     const float barycentrics[n][2], const float normals[n_normals][3],
     const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], float values[n][3])
 {
+    struct block block;
     for (int64_t i = 0; i < n; i++) {
         const int32_t *corner = corners[faces[i]];
         double of_corners[3][3];
         for (int k = 0; k < 3; k++)
             for (int axis = 0; axis < 3; axis++)
                 of_corners[k][axis] = normals[corner[k]][axis];
-        const struct frame frame = frame_at(
-            barycentrics[i][0], barycentrics[i][1], (const double (*)[3])of_corners,
-            (const int32_t[3]){0, 1, 2}, tangents[faces[i]]);
+        weigh(1, barycentrics + i, &block);
+        frame_points(&block, 0, 1, of_corners, tangents[faces[i]]);
         const double x = values[i][0], y = values[i][1], z = values[i][2];
         double vector[3], square = 0.0;
         for (int axis = 0; axis < 3; axis++) {
-            vector[axis] = x * frame.t[axis] + y * frame.b[axis] + z * frame.n[axis];
+            vector[axis] = x * block.tangents[axis][0] + y * block.bitangents[axis][0] +
+                           z * block.normals[axis][0];
             square += vector[axis] * vector[axis];
         }
         if (square == 0.0) {
             for (int axis = 0; axis < 3; axis++) {
-                vector[axis] = frame.n[axis];
+                vector[axis] = block.normals[axis][0];
                 square += vector[axis] * vector[axis];
             }
         }
         const double length = square > 0.0 ? sqrt(square) : 1.0;
         for (int axis = 0; axis < 3; axis++)
             values[i][axis] = (float)(vector[axis] / length);
+    }
+}
+
+/* Replace model-space vectors by those in the frames of a block, up to their lengths, and write what
+   to divide them by. A singular frame gives (0, 0, 0), normalized (0, 0, 1). */
+static void invert_frames(
+    int n, const struct block *block, bool normalize, double vectors[3][BLOCK],
+    double *restrict lengths)
+{
+    const double *restrict at_nx = block->normals[0], *restrict at_tx = block->tangents[0];
+    const double *restrict at_bx = block->bitangents[0], *restrict at_ny = block->normals[1];
+    const double *restrict at_ty = block->tangents[1], *restrict at_by = block->bitangents[1];
+    const double *restrict at_nz = block->normals[2], *restrict at_tz = block->tangents[2];
+    const double *restrict at_bz = block->bitangents[2];
+    double *restrict to_x = vectors[0], *restrict to_y = vectors[1], *restrict to_z = vectors[2];
+    const double up = normalize ? 1.0 : 0.0;
+    double determinants[BLOCK];
+    for (int k = 0; k < n; k++) {
+        const double nx = at_nx[k], ny = at_ny[k], nz = at_nz[k], tx = at_tx[k], ty = at_ty[k];
+        const double tz = at_tz[k], bx = at_bx[k], by = at_by[k], bz = at_bz[k];
+        const double vx = to_x[k], vy = to_y[k], vz = to_z[k];
+        /* Rows of the inverse, times the determinant: B x N, N x T, T x B. */
+        const double determinant =
+            (by * nz - bz * ny) * tx + (bz * nx - bx * nz) * ty + (bx * ny - by * nx) * tz;
+        const double x =
+            (by * nz - bz * ny) * vx + (bz * nx - bx * nz) * vy + (bx * ny - by * nx) * vz;
+        const double y =
+            (ny * tz - nz * ty) * vx + (nz * tx - nx * tz) * vy + (nx * ty - ny * tx) * vz;
+        const double z =
+            (ty * bz - tz * by) * vx + (tz * bx - tx * bz) * vy + (tx * by - ty * bx) * vz;
+        to_x[k] = determinant == 0.0 ? 0.0 : x;
+        to_y[k] = determinant == 0.0 ? 0.0 : y;
+        to_z[k] = determinant == 0.0 ? up : z;
+        determinants[k] = determinant == 0.0 ? up : determinant;
+        lengths[k] = fabs(determinants[k]);
+    }
+    for (int k = 0; k < (normalize ? n : 0); k++)
+        lengths[k] = sqrt(to_x[k] * to_x[k] + to_y[k] * to_y[k] + to_z[k] * to_z[k]);
+    for (int k = 0; k < n; k++) {
+        const double length = lengths[k] == 0.0 ? 1.0 : lengths[k];
+        lengths[k] = determinants[k] < 0.0 ? -length : length;
     }
 }
 
@@ -119,35 +221,24 @@ EXPORT void to_tangent_space(
     const int32_t corners[n_faces][3], const float tangents[n_faces][3][4], bool normalize,
     float values[n][3])
 {
-    for (int64_t i = 0; i < n; i++) {
-        const int32_t face = faces[i];
-        const struct frame frame = frame_at(
-            barycentrics[i][0], barycentrics[i][1], normals, corners[face], tangents[face]);
-        const double nx = frame.n[0], ny = frame.n[1], nz = frame.n[2];
-        const double tx = frame.t[0], ty = frame.t[1], tz = frame.t[2];
-        const double bx = frame.b[0], by = frame.b[1], bz = frame.b[2];
-        /* Rows of the inverse, times the determinant: B x N, N x T, T x B. */
-        const double determinant =
-            (by * nz - bz * ny) * tx + (bz * nx - bx * nz) * ty + (bx * ny - by * nx) * tz;
-        if (determinant == 0.0) {
-            values[i][0] = values[i][1] = 0.0F;
-            values[i][2] = normalize ? 1.0F : 0.0F;
-            continue;
+    struct block block;
+    for (int64_t start = 0; start < n; start += BLOCK) {
+        const int n_here = (int)min_i64(n - start, BLOCK);
+        const int32_t *some = faces + start;
+        weigh(n_here, barycentrics + start, &block);
+        for (int first = 0, end; first < n_here; first = end) {
+            end = end_of_run(some, first, n_here);
+            double of_corners[3][3];
+            for (int k = 0; k < 3; k++)
+                memcpy(of_corners[k], normals[corners[some[first]][k]], sizeof of_corners[k]);
+            frame_points(&block, first, end, of_corners, tangents[some[first]]);
         }
-        const double vx = values[i][0], vy = values[i][1], vz = values[i][2];
-        const double x =
-            (by * nz - bz * ny) * vx + (bz * nx - bx * nz) * vy + (bx * ny - by * nx) * vz;
-        const double y =
-            (ny * tz - nz * ty) * vx + (nz * tx - nx * tz) * vy + (nx * ty - ny * tx) * vz;
-        const double z =
-            (ty * bz - tz * by) * vx + (tz * bx - tx * bz) * vy + (tx * by - ty * bx) * vz;
-        double length = normalize ? sqrt(x * x + y * y + z * z) : fabs(determinant);
-        if (length == 0.0)
-            length = 1.0;
-        length = determinant > 0.0 ? length : -length;
-        values[i][0] = (float)(x / length);
-        values[i][1] = (float)(y / length);
-        values[i][2] = (float)(z / length);
+        double vectors[3][BLOCK], lengths[BLOCK];
+        for (int k = 0; k < n_here; k++)
+            for (int axis = 0; axis < 3; axis++)
+                vectors[axis][k] = values[start + k][axis];
+        invert_frames(n_here, &block, normalize, vectors, lengths);
+        write_rows(n_here, vectors[0], vectors[1], vectors[2], lengths, values + start);
     }
 }
 
