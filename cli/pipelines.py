@@ -192,23 +192,29 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
       texbake schema pipeline
     """
 )
-@click.argument("file", type=click.Choice(("pipeline", "scene")), metavar="pipeline|scene")
+@click.argument(
+    "file", type=click.Choice(("pipeline", "scene", "bench")), metavar="pipeline|scene|bench"
+)
 @output_option(
     FileOf((".json",)), "FILE.json", "Write the schema to this file.  [default: print it]"
 )
 @terminal_options
 def schema(file: str, output: Path | None, terminal: Terminal) -> None:
-    """Print the JSON Schema of pipeline or scene files.
+    """Print the JSON Schema of pipeline or scene files, or of the results of the bench.
 
     With it, an editor completes and checks TOML files as you type. In VS Code, install the
     extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene
     file.
     """
-    from texbake.building.file import pipeline_schema, schema_file
-    from texbake.rendering.scene.file.schema import scene_schema
-
-    if output is None:
-        contents = pipeline_schema() if file == "pipeline" else scene_schema()
-        say(json.dumps(contents, indent=2))
+    if file == "bench":
+        from texbake.study.bench.results_file import bench_schema as schema_of
+    elif file == "scene":
+        from texbake.rendering.scene.file.schema import scene_schema as schema_of
     else:
-        terminal.wrote(schema_file(file, output).files)
+        from texbake.building.file import pipeline_schema as schema_of
+    if output is None:
+        say(json.dumps(schema_of(), indent=2))
+    else:
+        from texbake.building.file import schema_file
+
+        terminal.wrote(schema_file(schema_of(), output).files)

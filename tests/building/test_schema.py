@@ -97,5 +97,5 @@ def test_every_kind_of_step_has_a_schema():
 
 def test_a_schema_can_be_written(tmp_path):
     path = tmp_path / "scene.schema.json"
-    assert schema_file("scene", path).files == (path,)
+    assert schema_file(scene_schema(), path).files == (path,)
     assert json.loads(path.read_text(encoding="utf-8")) == scene_schema()

@@ -1,8 +1,6 @@
 """One quick study of every knob: errors in the right order, a page that asks for nothing, files."""
 
-import csv
 import importlib.util
-import io
 import json
 import math
 import re
@@ -22,7 +20,7 @@ from texbake.study.knob import TRUTHS, Case, Evaluation, Knob, NotApplicable, Se
 from texbake.study.knobs.bumps import forward_normals
 from texbake.study.labels import place_labels
 from texbake.study.options import KNOB_MODULES, KNOB_NAMES, StudyOptions
-from texbake.study.result import CSV_COLUMNS, KnobResult, Measurement
+from texbake.study.result import KnobResult, Measurement
 from texbake.study.study import run_study
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import (
@@ -288,7 +286,7 @@ def outline(page):
 def test_all_files_are_there(written):
     names = {path.name for path in written}
     assert names == {
-        "study.html", "study.json", "study.csv", "contact_sheet.png", "all.png",
+        "study.html", "study.json", "all.png",
         *(f"{name}.png" for name in KNOB_NAMES),
     }  # fmt: skip
     assert {path.name for path in written[0].parent.iterdir()} == names
@@ -397,23 +395,6 @@ def test_json_has_its_schema(quick_study):
                 "seconds_min", "seconds_max", "peak_bytes",
             }  # fmt: skip
             assert setting["seconds_min"] <= setting["seconds_median"] <= setting["seconds_max"]
-
-
-def test_csv_has_a_line_a_setting_with_the_same_figures(quick_study):
-    rows = list(csv.DictReader(io.StringIO(quick_study.to_csv())))
-    report = quick_study.to_json()
-    settings = [(k["knob"], s) for k in report["knobs"] for s in k["settings"]]
-    assert tuple(rows[0])[: len(CSV_COLUMNS)] == CSV_COLUMNS
-    assert len(rows) == len(settings)
-    for row, (knob, setting) in zip(rows, settings, strict=True):
-        assert (row["knob"], row["setting"]) == (knob, setting["setting"])
-        assert float(row["error"]) == setting["error"]
-        assert float(row["seconds_median"]) == setting["seconds_median"]
-        assert int(row["runs"]) == len(setting["seconds"])
-        figures = {name: row[name] for name in list(row)[len(CSV_COLUMNS) :] if row[name] != ""}
-        finite = {name: x for name, x in setting["figures"].items() if x is not None}
-        assert {name: float(x) for name, x in figures.items()} == finite
-    assert {name for _, s in settings for name in s["figures"]} == set(rows[0]) - set(CSV_COLUMNS)
 
 
 def test_settings_compete_only_within_their_problem():

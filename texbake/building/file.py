@@ -30,7 +30,6 @@ from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, check_writable, read_bytes, replacing
 from texbake.jobs.outputs import JobResult
 from texbake.limits import folder_beside, toml_content
-from texbake.rendering.scene.file.schema import scene_schema
 from texbake.rendering.scene.file.tables import (
     FileSchema,
     Table,
@@ -351,12 +350,9 @@ def pipeline_schema() -> JsonSchema:
     return schema
 
 
-def schema_file(file: str, output: PathLike) -> JobResult[JsonSchema]:
-    """Write the JSON Schema of `pipeline` or `scene` files."""
-    if file not in ("pipeline", "scene"):
-        raise OptionError(f"file: {file} is not one of pipeline, scene")
+def schema_file(schema: JsonSchema, output: PathLike) -> JobResult[JsonSchema]:
+    """Write a JSON Schema to a file."""
     check_writable(output)
-    schema = pipeline_schema() if file == "pipeline" else scene_schema()
     with replacing(output) as partial:
         partial.write_text(json.dumps(schema, indent=2) + "\n", encoding="utf-8")
     return JobResult(files=(Path(output),), report=schema)

@@ -84,19 +84,30 @@ TASK_NAMES = (
     "bake-ao",
     "unwrap",
     "simplify",
+    "remesh",
     "preview",
 )
 CASE_NAMES = (
     "sphere",
     "displaced-sphere",
-    "displaced-plane",
-    "torus-knot",
-    "beveled-box",
+    "orange",
+    "gyroid",
+    "hard-edges",
+    "terrain",
+    "thin-shells",
+    "mirrored-uvs",
     "two-parts",
 )
-PROGRAM_NAMES = ("texbake", "blender", "pymeshlab", "xatlas", "trimesh")
+PROGRAM_NAMES = (
+    "texbake",
+    "blender",
+    "pymeshlab",
+    "xatlas",
+    "fast-simplification",
+    "meshoptimizer",
+)
 
-MAX_SIZE = 16384
+MAX_SIZE, MAX_TRIANGLES = 16384, 100_000_000
 
 # Names the Python of Blender where the option does not.
 BLENDER_VARIABLE = "TEXBAKE_BLENDER_PYTHON"
@@ -109,6 +120,7 @@ class Amounts:
     samples: tuple[int, ...] = (1, 4, 16)  # per texel
     rays: tuple[int, ...] = (16, 64, 256)  # of ambient occlusion, per texel
     counts: tuple[int, ...] = (500, 5_000, 50_000)  # of triangles to simplify to
+    voxels: tuple[int, ...] = (64, 128, 256, 512)  # along the longest side of a new mesh
     pixel_samples: tuple[int, ...] = (1, 4, 16)  # per pixel of a picture
     unwrapped_triangles: int = 10_000  # of a generated mesh that is unwrapped
     picture_size: int = 512  # pixels along one side of a picture
@@ -116,10 +128,11 @@ class Amounts:
 
 
 QUICK = Amounts(
-    samples=(1, 4), rays=(16,), counts=(100,), pixel_samples=(1, 4), unwrapped_triangles=500,
-    picture_size=48, n_probes=3_000,
+    samples=(1, 4), rays=(16,), counts=(100,), voxels=(24,), pixel_samples=(1, 4),
+    unwrapped_triangles=500, picture_size=48, n_probes=3_000,
 )  # fmt: skip
 _QUICK_TRIANGLES = 4_000
+_QUICK_TIMEOUT = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +180,7 @@ class BenchOptions(CheckedOptions):
         "Approximate number of triangles of a generated high-poly mesh.",
         metavar="N",
         low=1000,
-        high=100000000,
+        high=MAX_TRIANGLES,
     )
     blender: str | None = option(
         None,
@@ -220,6 +233,11 @@ class BenchOptions(CheckedOptions):
         """The size at which samples and rays are varied: 1024, or the greatest below."""
         sizes = self.map_sizes
         return max((size for size in sizes if size <= 1024), default=sizes[0])
+
+    @property
+    def longest(self) -> float:
+        """Seconds after which a run is ended."""
+        return min(self.timeout, _QUICK_TIMEOUT) if self.quick else self.timeout
 
     @property
     def amounts(self) -> Amounts:

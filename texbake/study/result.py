@@ -1,9 +1,7 @@
-"""What a study measured, and its files: JSON with everything, CSV with one line per setting."""
+"""What a study measured, and its file: JSON with everything."""
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import statistics
 from collections.abc import Iterable, Sequence
@@ -67,15 +65,6 @@ def knee(points: Sequence[tuple[float, float]], front: Sequence[int]) -> int | N
 
 
 SCHEMA = "texbake-study-1"
-# Those of `Measurement.columns`.
-MEASURED = (
-    "error", "unit", "seconds_median", "seconds_min", "seconds_max", "runs", "peak_bytes",
-)  # fmt: skip
-CSV_COLUMNS = (
-    *("knob", "setting", "series", "problem", "subject", "truth"),
-    *MEASURED,
-    *("on_front", "stops_paying"),
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +90,6 @@ class Measurement:
     def point(self) -> tuple[float, float]:
         """(seconds, error)."""
         return self.median, self.error
-
-    def columns(self, unit: str) -> list[Any]:
-        """Return the columns of a CSV file from `error` to `peak_bytes`."""
-        return [
-            repr(float(self.error)),
-            unit,
-            repr(self.median),
-            repr(min(self.seconds)),
-            repr(max(self.seconds)),
-            len(self.seconds),
-            "" if self.peak_bytes is None else self.peak_bytes,
-        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return all figures by name; those that are not finite become None."""
@@ -199,24 +176,6 @@ class KnobResult(ParetoRanking):
             "settings": [item.to_json() for item in self.measurements],
         }
 
-    def rows(self) -> list[list[Any]]:
-        """Return the lines of the CSV file, for `CSV_COLUMNS`."""
-        front, knees = set(self.front), set(self.knees)
-        return [
-            [
-                self.knob.name,
-                item.setting.label,
-                item.setting.series,
-                item.setting.problem,
-                self.subject,
-                self.truth,
-                *item.columns(self.knob.unit),
-                int(i in front),
-                int(i in knees),
-            ]
-            for i, item in enumerate(self.measurements)
-        ]
-
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
@@ -243,31 +202,10 @@ class StudyResult:
             "knobs": [item.to_json() for item in self.knobs],
         }
 
-    def to_csv(self) -> str:
-        """Return a table with one line per setting; see `settings_csv`."""
-        settings = [item for knob in self.knobs for item in knob.measurements]
-        return settings_csv(
-            CSV_COLUMNS, settings, [row for item in self.knobs for row in item.rows()]
-        )
-
 
 def figure_names(measurements: Iterable[Measurement]) -> list[str]:
     """Return the names of all further figures, in the order of their first appearance."""
     return list(dict.fromkeys(name for item in measurements for name in item.outcome.figures))
-
-
-def settings_csv(
-    columns: Sequence[str], measurements: Sequence[Measurement], rows: Sequence[Sequence[Any]]
-) -> str:
-    """Return a table with one line per setting: its row, then its further figures."""
-    names = figure_names(measurements)
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow((*columns, *names))
-    for item, row in zip(measurements, rows, strict=True):
-        figures = (_finite(item.outcome.figures.get(name, math.nan)) for name in names)
-        table.writerow([*row, *("" if x is None else repr(x) for x in figures)])
-    return text.getvalue()
 
 
 def _finite(x: float) -> float | None:

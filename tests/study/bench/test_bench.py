@@ -2,19 +2,24 @@
 
 import dataclasses
 import json
+import platform
 import re
 
+import jsonschema
 import numpy as np
 import pytest
 
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.study.bench.cases import made_case
+from texbake.study.bench.map_tasks import MISSED
 from texbake.study.bench.programs import PROGRAMS, Product, Program
+from texbake.study.bench.results_file import bench_schema
 from texbake.study.bench.run import run_bench
 from texbake.study.bench.tasks import TASKS, unwrap_error
 from texbake.study.bench.write import write_bench
 from texbake.study.options import TASK_NAMES, BenchOptions
+from texbake.texture.image import write_image
 
 
 @pytest.fixture(scope="module")
@@ -57,6 +62,7 @@ def test_errors_are_those_of_the_job(quick_bench):
     assert max(errors["bake-ao"].values()) < 5.0  # %
     assert 0.0 < min(errors["unwrap"].values()) < 40.0
     assert max(errors["simplify"].values()) < 0.2
+    assert max(errors["remesh"].values()) < 1.0
     assert errors["preview"]["4 samples"] < 0.7 * errors["preview"]["1 sample"] < 20.0
 
 
@@ -64,19 +70,23 @@ def test_the_files_have_everything(quick_bench, tmp_path):
     files = write_bench(quick_bench, tmp_path / "out")
     names = {path.name for path in files}
     assert files[0].name == "bench.html"
-    assert names >= {"bench.json", "bench.csv", "bench.md", "bake-normals-two-parts.png"}
+    assert names >= {"bench.json", "bench.md", "bake-normals-two-parts.png"}
     page = files[0].read_text("utf-8")
     assert "Blender is left out, because it is not installed" in page
     for contest in quick_bench.contests:
         assert contest.task.title in page and f'id="{contest.name}"' in page
     assert not re.search(r"(src|href)=\"https?:", page)
     report = json.loads((tmp_path / "out" / "bench.json").read_text())
-    assert report["schema"] == "texbake-bench-1" and report["quick"] is True
-    assert report["machine"]["processors"] >= 1
+    assert (report["format"], report["version"], report["quick"]) == ("texbake-bench", 2, True)
+    assert report["programs"]["texbake"]["machine"]["processors"] >= 1
+    assert platform.node() not in json.dumps(report)
+    jsonschema.validate(report, bench_schema())
     assert report == json.loads(json.dumps(quick_bench.to_json()))
     assert len(report["contests"]) == len(TASK_NAMES)
     table = (tmp_path / "out" / "bench.md").read_text("utf-8")
-    assert "**Unwrap**" in table and "| two-parts | xatlas | default |" in table
+    assert "| two-parts | unwrap, " in table and "xatlas" in table
+    assert "casts no more rays" in page or "cast no more rays" in page
+    assert "fastest at the error that all reach" in page and "most missed texels" in page
 
 
 def test_own_meshes_beside_no_made_case():
@@ -132,8 +142,6 @@ def test_an_atlas_of_the_whole_square_wastes_nothing():
 
 def test_a_program_that_writes_object_space_is_judged_in_it(tmp_path):
     """The mean normal of a face, written as pymeshlab writes it."""
-    from texbake.texture.image import write_image
-
     options, case = BenchOptions(quick=True), made_case("two-parts", 4000)
     prepared = TASKS["bake-normals"].prepare(case, options, tmp_path)
     up = np.full((64, 64, 3), 0.5, np.float32)
@@ -143,3 +151,18 @@ def test_a_program_that_writes_object_space_is_judged_in_it(tmp_path):
     # The floor is flat; the ball, a sixth of the area, is 90 degrees off in the mean.
     area = np.pi * 4.0 * 0.25
     assert error == pytest.approx(90.0 * area / (16.0 + area), rel=0.05)
+
+
+def test_texels_that_a_program_left_empty_count_as_missed(tmp_path):
+    options, case = BenchOptions(quick=True), made_case("displaced-sphere", 4000)
+    prepared = TASKS["bake-normals"].prepare(case, options, tmp_path)
+    codes = np.full((64, 64, 3), 0.5, np.float32)
+    codes[..., 2] = 1.0
+    write_image(codes, tmp_path / "flat.png", bits=16)
+    figures = prepared.judge(Product(tmp_path / "flat.png", "tangent")).figures
+    # All but the probes whose true normal happens to be that of the low-poly mesh.
+    assert figures[MISSED] > 90.0
+    codes[:] = (0.6, 0.5, 0.9)  # wrong, but somebody has written it
+    write_image(codes, tmp_path / "wrong.png", bits=16)
+    figures = prepared.judge(Product(tmp_path / "wrong.png", "tangent")).figures
+    assert figures[MISSED] == 0.0 and figures["angle, 99th percentile (°)"] > 10.0

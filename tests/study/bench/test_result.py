@@ -1,15 +1,15 @@
 """Curves, fronts and matches of settings with given times and errors."""
 
-import csv
-import io
 import re
 from dataclasses import replace
 
+import jsonschema
 import pytest
 
 from texbake.study.bench.result import BenchResult, Contest, Failure
+from texbake.study.bench.results_file import bench_schema
 from texbake.study.bench.tasks import TASKS
-from texbake.study.bench.write import contest_plot, markdown
+from texbake.study.bench.write import contest_plot, machine_words, markdown
 from texbake.study.knob import Evaluation, Setting
 from texbake.study.options import BenchOptions
 from texbake.study.result import Measurement
@@ -57,44 +57,67 @@ def test_each_setting_is_matched_with_the_fastest_that_is_as_accurate(contest):
     assert matches["default"].times_as_fast == pytest.approx(0.5)
 
 
-def test_json_has_the_measurements_of_each_setting(contest):
-    for found, item in zip(contest.to_json()["settings"], contest.measurements, strict=True):
-        figures = item.to_json()
-        assert found["program"] == figures.pop("series")
-        del figures["problem"]
-        assert figures.items() <= found.items()
-
-
 def test_memory_is_plotted_where_it_is_known(contest):
+    colors = dict.fromkeys(contest.programs, "#000000")
     bare = tuple(replace(item, peak_bytes=None) for item in contest.measurements)
     for measurements, n_frames in (contest.measurements, 2), (bare, 1):
-        plot = contest_plot(replace(contest, measurements=measurements))
+        plot = contest_plot(replace(contest, measurements=measurements), colors)
         assert len(re.findall('id="[^"]*axes_[0-9]+"', plot.svg)) == n_frames
 
 
-def test_csv_and_markdown_have_a_line_for_each_setting(contest):
-    result = BenchResult(
+@pytest.fixture
+def result(contest):
+    machine = {"system": "Linux", "processor": "x86_64", "processors": 2, "python": "3.11.7"}
+    versions = {"texbake": "0.1.0", "Blender": "5.0.1", "xatlas": "0.0.11"}
+    return BenchResult(
         options=BenchOptions(),
-        machine={"system": "Linux", "processor": "x86_64", "processors": 2, "python": "3.11.7"},
-        versions={"texbake": "0.1.0", "Blender": "5.0.1", "xatlas": "0.0.11"},
+        machines=dict.fromkeys(versions, machine),
+        versions=versions,
         missing={"pymeshlab": "No module named 'pymeshlab'"},
         contests=(contest,),
+        date="2026-11-27",
     )
-    rows = list(csv.DictReader(io.StringIO(result.to_csv())))
-    assert len(rows) == 6
-    assert rows[3]["program"] == "Blender" and rows[3]["version"] == "5.0.1"
-    assert float(rows[3]["seconds_median"]) == 10.0 and rows[3]["on_front"] == "0"
-    assert rows[0]["charts"] == "2.0" and rows[0]["peak_bytes"] == "50000000"
+
+
+def test_markdown_has_a_row_for_a_task(result):
     text = markdown(result)
-    assert "2 processors" in text and "Not installed: pymeshlab." in text
-    lines = [line for line in text.splitlines() if line.startswith("| sphere")]
-    assert len(lines) == 3
-    assert "| Blender | smart | 7.9% | 10 s (9 s to 12 s) | 300 MB | fast |" in lines[0]
-    assert lines[0].endswith("| 10 |") and "| none |" in lines[1]
-    assert len({line.count("|") for line in text.splitlines() if line.startswith("|")}) == 1
-    report = result.to_json()["contests"][0]
+    assert "Measured on 2026-11-27, on x86_64, 2 processors" in text
+    assert "Not installed: pymeshlab." in text
+    rows = [line for line in text.splitlines() if line.startswith("| sphere")]
+    (summary,) = rows
+    # Of Blender's two settings the second; none of texbake is as accurate, so its best is shown.
+    assert summary == (
+        "| sphere | unwrap, best (texbake: good) | 2 s | 30 s | less accurate | 3% / 1% "
+        "| 80 MB / 300 MB |"
+    )
+
+
+def test_json_follows_the_schema_and_names_what_failed(result):
+    report = result.to_json()
+    jsonschema.validate(report, bench_schema())
+    report = report["contests"][0]
     assert report["left_out"] == [
         {"program": "trimesh", "setting": "default", "reason": "exit code 1"}
     ]
     assert [item["on_front"] for item in report["settings"]] == [True, True, False, False, True,
                                                                  True]  # fmt: skip
+
+
+def test_programs_are_compared_at_the_error_that_all_reach(contest):
+    found = {item.program: item for item in contest.standings()}
+    # xatlas reaches 9 % and nothing less.
+    labels = {name: item.equal and item.equal.setting.label for name, item in found.items()}
+    assert labels == {
+        "texbake": "fast", "Blender": "smart", "xatlas": "default", "trimesh": None
+    }  # fmt: skip
+    assert found["trimesh"].n_failures == 1 and found["Blender"].worst("charts") == 2.0
+    assert found["trimesh"].worst("charts") is None
+
+
+def test_times_of_another_machine_are_named(result):
+    elsewhere = {"system": "Windows", "processor": "AMD64", "processors": 32, "model": "Fast"}
+    machines = {**result.machines, "Blender": elsewhere}
+    text = machine_words(replace(result, machines=machines))
+    assert text.endswith(
+        "Blender ran on Fast, 32 processors, Windows: compare these times with care."
+    )

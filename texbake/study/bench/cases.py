@@ -1,8 +1,8 @@
 """Generated meshes whose surface has a closed form: high-poly ones of any size, and low-poly ones.
 
 The low-poly meshes have texture coordinates by construction, so that no program's own unwrapping or
-simplification comes between. No mesh stores normals: every program computes them itself. A user's
-pair is a case as well.
+simplification comes between. No mesh stores normals, but for the one with hard edges: every program
+computes them itself. A user's pair is a case as well.
 """
 
 from __future__ import annotations
@@ -21,12 +21,14 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import write_mesh
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.parametric.grid import grid_quads, split_quads
-from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere
+from texbake.mesh.shapes import grid_sphere, orange, peel_radii, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.scene import RayScene
+from texbake.study.bench.beveled_box import beveled_box, box_value, cube_with_uvs
+from texbake.study.bench.gyroid import Gyroid
 from texbake.study.knob import StudyPair, low_with_uvs
-from texbake.study.truth.surfaces import ImplicitSurface, wave_heights
+from texbake.study.truth.probes import Probes, probe, probe_surface
+from texbake.study.truth.surfaces import ImplicitSurface, Surface, orange_surface, wave_heights
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +40,12 @@ class BenchCase:
     high: Mesh
     low: Mesh
     reach: float  # how far rays start outside the low-poly mesh and end inside it, in model units
-    surface: ImplicitSurface | None = None  # None for the user's meshes
+    surface: Surface | None = None  # None for the user's meshes
     # From a number of triangles to a mesh of the same surface, to unwrap; None to unwrap `low`.
     build: Callable[[int], Mesh] | None = None
     # From points (n, 3) of `floor` to the exact ambient light there, from 0 to 1.
     openness: Callable[[FloatArray], FloatArray] | None = None
     floor: int = 0  # number of the first faces of the low-poly mesh, at which `openness` holds
-
-    @cached_property
-    def pair(self) -> StudyPair:
-        """The meshes as the truths of the study take them."""
-        return StudyPair(self.high, self.low, self.subject, self.surface)
 
     @property
     def subject(self) -> str:
@@ -57,6 +54,20 @@ class BenchCase:
             f"{self.high.name}, {self.high.n_faces:,} triangles, and a low-poly mesh of "
             f"{self.low.n_faces:,}"
         )
+
+    @cached_property
+    def _probes(self) -> dict[int, Probes]:
+        return {}
+
+    def probes(self, n: int) -> Probes:
+        """Return what about `n` points of the low-poly mesh should show."""
+        if n not in self._probes:
+            self._probes[n] = (
+                probe(StudyPair(self.high, self.low, self.subject), n)
+                if self.surface is None
+                else probe_surface(self.surface, self.low, n, reach=self.reach)
+            )
+        return self._probes[n]
 
 
 def made_case(name: str, n_triangles: int) -> BenchCase:
@@ -70,11 +81,11 @@ def _case(
     n_triangles: int,
     low: Mesh,
     reach: float,
-    value: Callable[[FloatArray], FloatArray],
+    surface: Surface,
 ) -> BenchCase:
     high = _rounded(build(n_triangles).replace(name=name))
     low = _rounded(low.replace(name=f"{name} low-poly"))
-    return BenchCase(name, high, low, reach, ImplicitSurface(value), build)
+    return BenchCase(name, high, low, reach, surface, build)
 
 
 def _rounded(mesh: Mesh) -> Mesh:
@@ -98,12 +109,15 @@ def _sphere(n_triangles: int) -> BenchCase:
     def value(p: FloatArray) -> FloatArray:
         return np.asarray(pm.norm(p, axis=1) - 1.0)
 
-    return _case("sphere", _sphere_grid, n_triangles, _low_sphere(), 0.1, value)
+    return _case("sphere", _sphere_grid, n_triangles, _low_sphere(), 0.1, ImplicitSurface(value))
 
 
-def _wavy_radii(p: FloatArray) -> FloatArray:
-    """(n,) distances from the middle in the directions of points (n, 3)."""
-    x, y, z = pm.sin(30.0 * (p / pm.norm(p, axis=1, keepdims=True)).T)
+def _wavy_radii(p: FloatArray, *, mirrored: bool = False) -> FloatArray:
+    """(n,) distances from the middle in the directions of points (n, 3), at will even in y."""
+    angles = 30.0 * (p / pm.norm(p, axis=1, keepdims=True)).T
+    x, y, z = pm.sin(angles)
+    if mirrored:
+        y = pm.cos(angles[1])
     return np.asarray(1.0 + 0.01 * (x * y + y * z + z * x))
 
 
@@ -115,144 +129,135 @@ def _displaced_sphere(n_triangles: int) -> BenchCase:
         mesh = _sphere_grid(n)
         return mesh.replace(positions=mesh.positions * _wavy_radii(mesh.positions)[:, None])
 
-    return _case("displaced-sphere", build, n_triangles, _low_sphere(), 0.1, value)
+    surface = ImplicitSurface(value)
+    return _case("displaced-sphere", build, n_triangles, _low_sphere(), 0.1, surface)
 
 
-# A plane
+def _orange(n_triangles: int) -> BenchCase:
+    low = uv_sphere(32, 32)
+    low = low.replace(positions=low.positions * peel_radii(low.positions)[:, None])
+    return _case("orange", orange, n_triangles, low, 0.06, orange_surface())
 
 
-def _displaced_plane(n_triangles: int) -> BenchCase:
+def _gyroid(n_triangles: int) -> BenchCase:
+    bone = Gyroid.of(n_triangles)
+    ball = uv_sphere(32, 30)
+    low = ball.replace(positions=ball.positions * bone.radius)
+    # A ray into a tunnel that is deeper than this should miss.
+    return _case("gyroid", bone.mesh, n_triangles, low, 0.06, ImplicitSurface(bone.value))
+
+
+# Two balls on the same texture coordinates, and each ball's halves too, one of them mirrored
+
+_APART = np.array([2.5, 0.0, 0.0])
+
+
+def _mirrored_uvs(n_triangles: int) -> BenchCase:
     def value(p: FloatArray) -> FloatArray:
-        x, y, z = p.T
-        return np.asarray(z - wave_heights(x, y))
+        radii = [pm.norm(q, axis=1) - _wavy_radii(q, mirrored=True) for q in (p, p - _APART)]
+        return np.asarray(np.minimum(*radii))
 
     def build(n: int) -> Mesh:
-        side = max(round(math.sqrt(n / 2.0)), 2)
-        mesh = plane(side, side, wave_heights)
-        return mesh.replace(uvs=None, uv_faces=None)
+        ball = _sphere_grid(n // 2)
+        radii = _wavy_radii(ball.positions, mirrored=True)
+        return _twice(ball.replace(positions=ball.positions * radii[:, None]))
 
-    return _case("displaced-plane", build, n_triangles, plane(4, 4), 0.1, value)
-
-
-# A torus knot: a tube around a curve that winds around a torus
-
-_WINDS, _ROUNDS = 2, 3  # around the axis of the torus, and around its ring
-_RING, _WINDING, _TUBE = 1.0, 0.4, 0.15
-_CURVE_POINTS = 4_000
-
-
-def _knot_curve(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Points of the curve at t from 0 to 2 pi, and two unit vectors across it."""
-    a, b = _WINDS * t, _ROUNDS * t
-    out = np.stack([pm.cos(a), pm.sin(a), np.zeros_like(a)], axis=1)
-    around = np.stack([-pm.sin(a), pm.cos(a), np.zeros_like(a)], axis=1)
-    up = np.array([0.0, 0.0, 1.0])
-    off = pm.cos(b)[:, None] * out + pm.sin(b)[:, None] * up  # normal of the torus
-    points = _RING * out + _WINDING * off
-    along = _WINDS * (_RING + _WINDING * pm.cos(b))[:, None] * around
-    along += _ROUNDS * _WINDING * (pm.cos(b)[:, None] * up - pm.sin(b)[:, None] * out)
-    along /= pm.norm(along, axis=1, keepdims=True)
-    return points, off, np.cross(along, off)
+    ball = uv_sphere(17, 32)
+    assert ball.uvs is not None and ball.uv_faces is not None
+    # Those of y > 0, whose vertices at y = 0 are moved there exactly.
+    half = ball.positions[ball.faces].mean(axis=1)[:, 1] > 0.0
+    faces, uv_faces = ball.faces[half], ball.uv_faces[half]
+    points = np.where(np.abs(ball.positions) < 1e-9, 0.0, ball.positions)
+    both = _welded(
+        np.concatenate([points, points * [1.0, -1.0, 1.0]]),
+        np.concatenate([faces, faces[:, ::-1] + len(points)]),
+    )
+    low = both.replace(
+        uvs=ball.uvs * [1.92, 0.96] + 0.02, uv_faces=np.concatenate([uv_faces, uv_faces[:, ::-1]])
+    )
+    surface = ImplicitSurface(value)
+    return _case("mirrored-uvs", build, n_triangles, _twice(low), 0.1, surface)
 
 
-def _knot_mesh(n_along: int, n_around: int, *, uvs: bool = False) -> Mesh:
-    t = np.linspace(0.0, 2.0 * np.pi, n_along, endpoint=False)
-    angle = np.linspace(0.0, 2.0 * np.pi, n_around, endpoint=False)
-    points, off, across = (x[:, None, :] for x in _knot_curve(t))
-    ring = pm.cos(angle)[None, :, None] * off + pm.sin(angle)[None, :, None] * across
-    quads = grid_quads(n_along, n_around)[:, [0, 3, 2, 1]]  # seen from outside
-    row, column = np.divmod(quads, n_around + 1)
-    faces = split_quads((row % n_along) * n_around + column % n_around)
-    mesh = Mesh(positions=(points + _TUBE * ring).reshape(-1, 3), faces=faces, name="torus knot")
-    if not uvs:
-        return mesh
-    u, v = np.meshgrid(np.arange(n_around + 1) / n_around, np.arange(n_along + 1) / n_along)
-    coordinates = np.stack([u, v], axis=-1).reshape(-1, 2)
-    return mesh.replace(uvs=coordinates, uv_faces=split_quads(quads))
-
-
-def _torus_knot(n_triangles: int) -> BenchCase:
-    from scipy.spatial import cKDTree
-
-    parameters = np.linspace(0.0, 2.0 * np.pi, _CURVE_POINTS, endpoint=False)
-    tree = cKDTree(_knot_curve(parameters)[0])
-
-    def value(p: FloatArray) -> FloatArray:
-        """Distance from the curve, at the parameter whose plane holds the point."""
-        t = parameters[tree.query(p)[1]]
-        for _ in range(6):
-            points, off, across = _knot_curve(t)
-            along = np.cross(off, across)
-            step = 1e-5
-            speed = (_knot_curve(t + step)[0] - _knot_curve(t - step)[0]) / (2.0 * step)
-            rest = pm.vecdot(p - points, along)
-            t = t + rest / pm.norm(speed, axis=1)
-        return np.asarray(pm.norm(p - _knot_curve(t)[0], axis=1) - _TUBE)
-
-    def build(n: int) -> Mesh:
-        n_around = max(round(math.sqrt(n / 2.0 / 14.0)), 3)
-        return _knot_mesh(max(n // (2 * n_around), 8), n_around)
-
-    return _case("torus-knot", build, n_triangles, _knot_mesh(96, 10, uvs=True), 0.03, value)
-
-
-# A box with rounded edges: hard surface with bevels
-
-_BOX, _BEVEL = 0.5, 0.08  # half its side, radius of its edges
-
-
-def _beveled_box(n_triangles: int) -> BenchCase:
-    def value(p: FloatArray) -> FloatArray:
-        outside = np.abs(p) - (_BOX - _BEVEL)
-        lengths = pm.norm(np.maximum(outside, 0.0), axis=1)
-        return np.asarray(lengths + np.minimum(outside.max(axis=1), 0.0) - _BEVEL)
-
-    return _case("beveled-box", _rounded_box, n_triangles, _cube_with_uvs(), 0.1, value)
-
-
-def _rounded_box(n_triangles: int) -> Mesh:
-    """A box with a grid on each side, drawn in to its rounded edges and corners."""
-    n = max(round(math.sqrt(n_triangles / 12.0)), 2)
-    across, up = np.meshgrid(np.linspace(-_BOX, _BOX, n + 1), np.linspace(-_BOX, _BOX, n + 1))
-    quads = grid_quads(n, n)[:, [0, 3, 2, 1]]
-    sides: list[FloatArray] = []
-    faces: list[IntArray] = []
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            side = np.empty((n + 1, n + 1, 3))
-            side[..., axis] = sign * _BOX
-            side[..., (axis + 1) % 3], side[..., (axis + 2) % 3] = across, up
-            order = quads if sign > 0.0 else quads[:, ::-1]
-            faces.append(split_quads(order) + len(sides) * (n + 1) ** 2)
-            sides.append(side.reshape(-1, 3))
-    points = np.concatenate(sides)
-    inner = np.clip(points, _BEVEL - _BOX, _BOX - _BEVEL)
-    out = points - inner
-    points = inner + _BEVEL * out / pm.norm(out, axis=1, keepdims=True)
-    return _welded(points, np.concatenate(faces))
+def _twice(mesh: Mesh) -> Mesh:
+    other = mesh.replace(positions=mesh.positions + _APART)
+    both = _together(mesh, other)
+    if mesh.uvs is None or mesh.uv_faces is None:
+        return both
+    return both.replace(uvs=mesh.uvs, uv_faces=np.concatenate([mesh.uv_faces, mesh.uv_faces]))
 
 
 def _welded(points: FloatArray, faces: IntArray) -> Mesh:
     """Vertices at one position become one, so that normals are smooth across."""
-    firsts = weld_rows(points)
-    kept, places = np.unique(firsts, return_inverse=True)
-    return Mesh(positions=points[kept], faces=places[faces].astype(np.int32), name="box")
+    used, corners = np.unique(weld_rows(points)[faces], return_inverse=True)
+    faces = corners.reshape(-1, 3).astype(np.int32)
+    return Mesh(positions=points[used], faces=faces, name="welded")
 
 
-def _cube_with_uvs() -> Mesh:
-    """A cube of 8 vertices, its sides beside one another in three columns and two rows."""
-    mesh = cube()
-    corners = np.empty((12, 3, 2))
-    for i, face in enumerate(mesh.faces):
-        points = mesh.positions[face]
-        normal = np.cross(points[1] - points[0], points[2] - points[0])
-        axis, sign = int(np.abs(normal).argmax()), np.sign(normal[np.abs(normal).argmax()])
-        side = axis + 3 * (sign < 0)
-        first, second = points[:, (axis + 1) % 3], points[:, (axis + 2) % 3]
-        square = np.stack([0.5 + sign * first, 0.5 + second], axis=1)
-        corners[i] = (0.05 + 0.9 * square + [side % 3, side // 3]) / 3.0
-    uvs, places = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
-    return mesh.replace(uvs=uvs, uv_faces=places.reshape(-1, 3).astype(np.int32))
+# Open surfaces over a square
+
+_MARGIN = 0.03  # by which a low-poly mesh goes beyond the terrain, so that rays there should miss
+
+
+def _terrain(n_triangles: int) -> BenchCase:
+    def value(p: FloatArray) -> FloatArray:
+        x, y, z = p.T
+        beyond = np.maximum(np.abs(x - 0.5), np.abs(y - 0.5)) - 0.5
+        return np.asarray(np.maximum(z - wave_heights(x, y), beyond))
+
+    low = plane(4, 4)
+    low = low.replace(positions=low.positions * (1.0 + 2.0 * _MARGIN) - [_MARGIN, _MARGIN, 0.0])
+    return _case("terrain", _waves, n_triangles, low, 0.1, ImplicitSurface(value))
+
+
+def _waves(n_triangles: int, share: float = 1.0) -> Mesh:
+    side = max(round(math.sqrt(n_triangles / 2.0)), 2)
+    mesh = plane(side, side, lambda x, y: share * wave_heights(x, y))
+    return mesh.replace(uvs=None, uv_faces=None)
+
+
+# Two plates, one over the other, no thicker than the gap between them
+
+_THICK, _SHARE = 0.02, 0.3  # thickness and gap; of the heights of the waves
+
+
+def _thin_shells(n_triangles: int) -> BenchCase:
+    def value(p: FloatArray) -> FloatArray:
+        heights = p[:, 2] - _SHARE * wave_heights(p[:, 0], p[:, 1])
+        inside = np.minimum(np.abs(heights), np.abs(heights - 2.0 * _THICK))
+        return np.asarray(inside - 0.5 * _THICK)
+
+    def build(n: int) -> Mesh:
+        return _sheets([_waves(n // 4, _SHARE)] * 4)
+
+    flat = plane(4, 4)
+    assert flat.uvs is not None
+    turned = flat.uvs * [-1.0, 1.0] + [1.0, 0.0]  # seen from below
+    tiles = [
+        flat.replace(uvs=0.46 * uvs + [x, y])
+        for x in (0.02, 0.52)
+        for y, uvs in ((0.02, turned), (0.52, flat.uvs))
+    ]
+    # Rays begin inside the other plate, whose far side they should pass through.
+    surface = ImplicitSurface(value)
+    return _case("thin-shells", build, n_triangles, _sheets(tiles), 1.5 * _THICK, surface)
+
+
+def _sheets(sheets: list[Mesh]) -> Mesh:
+    """Lower and upper sides of both plates."""
+    placed = []
+    for number, sheet in enumerate(sheets):
+        if number % 2 == 0:
+            uv_faces = None if sheet.uv_faces is None else sheet.uv_faces[:, ::-1]
+            sheet = sheet.replace(faces=sheet.faces[:, ::-1], uv_faces=uv_faces)
+        shift = np.array([0.0, 0.0, (number - 0.5) * _THICK])
+        placed.append(sheet.replace(positions=sheet.positions + shift))
+    return _together(*placed)
+
+
+def _hard_edges(n_triangles: int) -> BenchCase:
+    surface = ImplicitSurface(box_value)
+    return _case("hard-edges", beveled_box, n_triangles, cube_with_uvs(), 0.1, surface)
 
 
 # Two parts near each other: a ball over a floor
@@ -281,7 +286,7 @@ def _two_parts(n_triangles: int) -> BenchCase:
         for mesh, left in ((_placed_floor(floor), 0.01), (_placed_ball(ball), 0.51))
         if mesh.uvs is not None
     ]
-    made = _case("two-parts", build, n_triangles, _together(*halves), 0.03, value)
+    made = _case("two-parts", build, n_triangles, _together(*halves), 0.03, ImplicitSurface(value))
     return BenchCase(
         made.name, made.high, made.low, made.reach, made.surface, build, openness, floor.n_faces
     )
@@ -303,9 +308,12 @@ def _placed_ball(mesh: Mesh) -> Mesh:
 _MAKERS: dict[str, Callable[[int], BenchCase]] = {
     "sphere": _sphere,
     "displaced-sphere": _displaced_sphere,
-    "displaced-plane": _displaced_plane,
-    "torus-knot": _torus_knot,
-    "beveled-box": _beveled_box,
+    "orange": _orange,
+    "gyroid": _gyroid,
+    "hard-edges": _hard_edges,
+    "terrain": _terrain,
+    "thin-shells": _thin_shells,
+    "mirrored-uvs": _mirrored_uvs,
     "two-parts": _two_parts,
 }
 
@@ -316,8 +324,8 @@ def pair_files(case: BenchCase, folder: Path) -> dict[str, str]:
     The high-poly mesh is binary PLY, the low-poly one OBJ with texture coordinates.
     """
     return {
-        "high": mesh_file(case.high, folder, f"{case.name} high"),
-        "low": _written(case.low, folder / f"{case.name} low.obj"),
+        "high": mesh_file(case.high, folder, f"{case.name}-high"),
+        "low": _written(case.low, folder / f"{case.name}-low.obj"),
     }
 
 

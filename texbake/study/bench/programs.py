@@ -25,7 +25,7 @@ Job = Mapping[str, Any]
 _VERSION_TIMEOUT = 120.0
 _SUFFIXES = {
     "bake-normals": ".png", "bake-displacement": ".exr", "bake-ao": ".exr", "unwrap": ".npz",
-    "simplify": ".ply", "preview": ".exr",
+    "simplify": ".ply", "remesh": ".ply", "preview": ".exr",
 }  # fmt: skip
 
 
@@ -106,6 +106,7 @@ _LINES = {
     "bake-ao": f"bake {_BAKE} --maps ao --format exr --secondary-rays {{rays}}",
     "unwrap": "unwrap {mesh} -o {out} --size {size} --padding {padding} --quality {quality}",
     "simplify": "simplify {mesh} -o {out} --faces {faces} --quality {quality}",
+    "remesh": "remesh {mesh} -o {out} --resolution {voxels}",
     "preview": "preview {scene} -o {out} --supersampling {side}",
 }
 
@@ -150,6 +151,10 @@ def _texbake_counts(options: BenchOptions) -> Settings:
     ]
 
 
+def _voxels(options: BenchOptions) -> Settings:
+    return [(f"{n} voxels", {"voxels": n}) for n in options.amounts.voxels]
+
+
 def _named(key: str, values: Mapping[str, Any]) -> Callable[[BenchOptions], Settings]:
     return lambda options: [(label, {key: value}) for label, value in values.items()]
 
@@ -180,6 +185,7 @@ PROGRAMS = {
             "bake-ao": _rays,
             "unwrap": _qualities,
             "simplify": _texbake_counts,
+            "remesh": _voxels,
             "preview": _pixels,
         },
         forms={"bake-normals": "tangent", "bake-displacement": "heights"},
@@ -195,6 +201,7 @@ PROGRAMS = {
                 "method", {"smart": "smart", "minimum stretch": "minimum-stretch"}
             ),
             "simplify": _counts(),
+            "remesh": _voxels,
             "preview": _pixels,
         },
         runner="run_blender.py",
@@ -208,6 +215,7 @@ PROGRAMS = {
             "bake-normals": _sizes,
             "unwrap": _named("regions", {"10 regions": 10, "50 regions": 50}),
             "simplify": _counts(planar=False),
+            "remesh": _voxels,
         },
         runner="run_library.py",
         forms={"bake-normals": "object"},
@@ -218,13 +226,23 @@ PROGRAMS = {
         {"unwrap": _named("brute_force", {"default": False, "brute force": True})},
         runner="run_library.py",
     ),
-    "trimesh": Program(
-        "trimesh",
-        "trimesh",
-        {"unwrap": _named("method", {"default, no gaps": "default"}), "simplify": _counts()},
+    "fast-simplification": Program(
+        "fast-simplification",
+        "fast-simplification",
+        {"simplify": _counts()},
         runner="run_library.py",
     ),
+    "meshoptimizer": Program(
+        "meshoptimizer", "meshoptimizer", {"simplify": _counts()}, runner="run_library.py"
+    ),
 }  # fmt: skip
+
+
+def common_settings(task: str, options: BenchOptions) -> Settings:
+    """Return the settings of a task that mean the same in every program."""
+    if task == "unwrap":
+        return [("default", {})]
+    return PROGRAMS["blender"].settings[task](options)
 
 
 RUNNERS = Path(__file__).with_name("runners")

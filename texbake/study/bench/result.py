@@ -1,25 +1,20 @@
-"""What the bench measured: JSON with everything, CSV with one line per setting."""
+"""What the bench measured: settings, fronts, comparisons at equal error, and all as JSON."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from texbake.study.bench.tasks import BenchTask
+from texbake.study.bench.map_tasks import BenchTask
 from texbake.study.options import BenchOptions
-from texbake.study.result import MEASURED, Measurement, ParetoRanking, pareto_front, settings_csv
+from texbake.study.result import Measurement, ParetoRanking, pareto_front
 
-SCHEMA = "texbake-bench-1"
+FORMAT, VERSION = "texbake-bench", 2
 OURS = "texbake"
+_KEPT = ("setting", "error", "figures", "seconds", "peak_bytes")
 # Errors that differ by less count as equal: points and rays are samples.
 EQUAL = 1.02
-CSV_COLUMNS = (
-    *("task", "case", "program", "version", "setting", "subject", "truth"),
-    *MEASURED,
-    *("on_front", "on_memory_front"),
-)
 
 
 @dataclass(frozen=True)
@@ -45,6 +40,21 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False)
+class Standing:
+    """A program among the others of a contest."""
+
+    program: str
+    equal: Measurement | None  # its fastest setting at the error that all reach
+    measurements: list[Measurement]
+    n_failures: int  # settings that failed
+
+    def worst(self, figure: str) -> float | None:
+        """Return the greatest value of a figure over all settings; None if there is none."""
+        values = [item.outcome.figures.get(figure) for item in self.measurements]
+        return max((value for value in values if value is not None), default=None)
+
+
+@dataclass(frozen=True, eq=False)
 class Contest(ParetoRanking):
     """One task on one case: all programs, all settings."""
 
@@ -56,6 +66,8 @@ class Contest(ParetoRanking):
     truth_text: str
     measurements: tuple[Measurement, ...]  # settings of one program have its title as their series
     failures: tuple[Failure, ...] = ()
+    triangles: int = 0  # that a generated case was made with; 0 for a user's meshes
+    stated: tuple[str, ...] = ()  # programs whose errors are as their file states them
 
     @property
     def name(self) -> str:
@@ -80,16 +92,46 @@ class Contest(ParetoRanking):
         return [own[i] for i in pareto_front(points)]
 
     def matches(self) -> list[Match]:
-        """Compare each setting of another program that is on its curve with texbake's."""
+        """Compare each setting of another program that is on its curve with texbake's, if any."""
+        if OURS not in self.programs:
+            return []
+        others = [program for program in self.programs if program != OURS]
+        return [self.match(self.measurements[i]) for program in others for i in self.curve(program)]
+
+    def match(self, theirs: Measurement) -> Match:
+        """Compare a setting with texbake's of the same name, or else its fastest, as accurate."""
         ours = [self.measurements[i] for i in self.curve(OURS)]
+        ours = [
+            *(
+                item
+                for item in self.measurements
+                if item.setting.series == OURS and item.setting.label == theirs.setting.label
+            ),
+            *ours,
+        ]
+        equal = [item for item in ours if item.error <= EQUAL * theirs.error]
+        return Match(theirs, equal[0] if equal else None)
+
+    def standings(self) -> list[Standing]:
+        """Compare all programs at the least error that each of them reaches."""
+        reached = {
+            program: min(item.error for item in self.measurements if item.setting.series == program)
+            for program in self.programs
+        }
+        error = max(reached.values(), default=0.0)
+        names = dict.fromkeys([*self.programs, *(failure.program for failure in self.failures)])
         found = []
-        for program in self.programs:
-            if program == OURS:
-                continue
-            for i in self.curve(program):
-                theirs = self.measurements[i]
-                equal = [item for item in ours if item.error <= EQUAL * theirs.error]
-                found.append(Match(theirs, equal[0] if equal else None))
+        for program in names:
+            own = [item for item in self.measurements if item.setting.series == program]
+            equal = [item for item in own if item.error <= EQUAL * error]
+            found.append(
+                Standing(
+                    program,
+                    min(equal, key=lambda item: item.median, default=None),
+                    own,
+                    sum(failure.program == program for failure in self.failures),
+                )
+            )
         return found
 
     def to_json(self) -> dict[str, Any]:
@@ -98,6 +140,7 @@ class Contest(ParetoRanking):
         return {
             "task": self.task.name,
             "case": self.case,
+            "triangles": self.triangles,
             "subject": self.subject,
             "truth": self.truth,
             "truth_text": self.truth_text,
@@ -106,7 +149,7 @@ class Contest(ParetoRanking):
             "settings": [
                 {
                     "program": item.setting.series,
-                    **{k: v for k, v in item.to_json().items() if k not in ("series", "problem")},
+                    **{k: v for k, v in item.to_json().items() if k in _KEPT},
                     "on_front": i in front,
                     "on_memory_front": i in memory_front,
                 }
@@ -118,18 +161,6 @@ class Contest(ParetoRanking):
             ],
         }
 
-    def rows(self, versions: Mapping[str, str]) -> list[list[Any]]:
-        """Return the lines of the CSV file, for `CSV_COLUMNS`."""
-        front, memory_front = set(self.front), set(self.memory_front)
-        return [
-            [
-                self.task.name, self.case, item.setting.series, versions[item.setting.series],
-                item.setting.label, self.subject, self.truth, *item.columns(self.task.unit),
-                int(i in front), int(i in memory_front),
-            ]
-            for i, item in enumerate(self.measurements)
-        ]  # fmt: skip
-
 
 def _memory(item: Measurement) -> float:
     return math.inf if item.peak_bytes is None else float(item.peak_bytes)
@@ -140,29 +171,29 @@ class BenchResult:
     """Everything that the bench measured."""
 
     options: BenchOptions
-    machine: dict[str, Any]  # what it ran on
-    versions: dict[str, str]  # versions of the programs, by title
+    # machines, versions: what each program ran on, and its version, by title.
+    machines: dict[str, dict[str, Any]]
+    versions: dict[str, str]
     missing: dict[str, str]  # programs that are not installed, by title, and why they are not
     contests: tuple[Contest, ...]
     seconds: float = 0.0  # time of the whole bench
     inputs: dict[str, str] = field(default_factory=dict)
+    date: str = ""  # such as 2026-11-27
 
     def to_json(self) -> dict[str, Any]:
         """Return everything but the pictures."""
         return {
-            "schema": SCHEMA,
+            "format": FORMAT,
+            "version": VERSION,
+            "date": self.date,
             "inputs": self.inputs,
-            "machine": self.machine,
-            "versions": self.versions,
+            "programs": {
+                title: {"version": version, "machine": self.machines[title]}
+                for title, version in self.versions.items()
+            },
             "missing": self.missing,
             "repeats": self.options.repeats,
             "quick": self.options.quick,
             "seconds": self.seconds,
             "contests": [contest.to_json() for contest in self.contests],
         }
-
-    def to_csv(self) -> str:
-        """Return a table with one line per setting; see `settings_csv`."""
-        settings = [item for contest in self.contests for item in contest.measurements]
-        rows = [row for contest in self.contests for row in contest.rows(self.versions)]
-        return settings_csv(CSV_COLUMNS, settings, rows)

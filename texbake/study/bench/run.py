@@ -8,10 +8,11 @@ settings that are slow.
 
 from __future__ import annotations
 
+import datetime
 import gc
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,11 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.pages.page import duration, number
 from texbake.progress import ProgressSink, Stages
 from texbake.study.bench.cases import BenchCase, made_case, own_case
+from texbake.study.bench.map_tasks import BenchTask, Prepared
 from texbake.study.bench.programs import PROGRAMS, Finished, Product, Program, run_process
 from texbake.study.bench.result import BenchResult, Contest, Failure
-from texbake.study.bench.tasks import TASKS, BenchTask, Prepared
+from texbake.study.bench.results_file import export_cases, merge_results
+from texbake.study.bench.tasks import TASKS
 from texbake.study.bench.write import write_bench
 from texbake.study.findings import amount
 from texbake.study.knob import Evaluation, Experiment, Setting
@@ -65,12 +68,13 @@ def run_bench(
         raise MeshError(f"bench: no program did any task; {reasons[0] if reasons else 'none fits'}")
     return BenchResult(
         options=options,
-        machine=machine_figures(),
+        machines={PROGRAMS[name].title: machine_figures() for name in versions},
         versions={PROGRAMS[name].title: version for name, version in versions.items()},
         missing={PROGRAMS[name].title: reason for name, reason in missing.items()},
         contests=kept,
         seconds=time.perf_counter() - start,
         inputs={} if pair is None else {"high": pair[0].name, "low": pair[1].name},
+        date=datetime.date.today().isoformat(),
     )
 
 
@@ -150,6 +154,7 @@ def _contest(
         task, case.name, prepared.subject, prepared.truth, prepared.truth_text,
         tuple(measurements),
         tuple(Failure(r.program.title, r.label, reason) for r, reason in runs.faults.items()),
+        0 if case.surface is None else options.made_triangles,
     )  # fmt: skip
 
 
@@ -185,7 +190,7 @@ class _Runs:
         stem = self._stems.setdefault(run, there / f"{run.program.name}-{len(self._stems)}")
         job = {**run.job, "task": self._task.name}
         command, product = run.program.command(job, stem, self._options)
-        done = run_process(command, timeout=self._options.timeout)
+        done = run_process(command, timeout=self._options.longest)
         self.clock += done.seconds
         self._note(run, done, product)
         return None if run in self.faults else product
@@ -221,16 +226,24 @@ def bench_files(
     *,
     high: PathLike | None = None,
     low: PathLike | None = None,
+    merge: Sequence[PathLike] = (),
+    run: bool = True,
     progress: ProgressSink | None = None,
 ) -> JobResult[BenchResult]:
-    """Measure what accuracy costs in texbake and in other programs, and write pages and tables."""
+    """Measure what accuracy costs in texbake and in other programs, and write pages and tables.
+
+    `merge`: result files to add; with `run` false nothing else is shown.
+    """
     check_folder(folder)
     check_matplotlib("bench")
-    result = run_bench(
-        *(None if path is None else read_mesh(path, progress=progress) for path in (high, low)),
-        options=options,
-        progress=progress,
-    )
+    result = None
+    if run or not merge:
+        result = run_bench(
+            *(None if path is None else read_mesh(path, progress=progress) for path in (high, low)),
+            options=options,
+            progress=progress,
+        )
+    result = merge_results(result, merge, Stages(progress))
     missing = [f"{name}: not installed: {reason}" for name, reason in result.missing.items()]
     failed = [
         f"{contest.task.name}, {contest.case}: {failure.program}, {failure.label}: "
@@ -243,6 +256,14 @@ def bench_files(
         report=result,
         warnings=tuple(missing + failed),
     )
+
+
+def export_files(
+    folder: PathLike, options: BenchOptions, *, progress: ProgressSink | None = None
+) -> JobResult[None]:
+    """Write the cases of the bench for programs that texbake cannot start."""
+    check_folder(folder)
+    return JobResult(files=tuple(export_cases(folder, options, Stages(progress))), report=None)
 
 
 def bench_rows(result: BenchResult) -> list[tuple[str, str, str, str, str, str]]:

@@ -1,220 +1,46 @@
-"""The tasks of the bench: the same job for every program, and how wrong its products are.
+"""Tasks of the bench that work on one mesh, and the table of all tasks.
 
-Bakes get the same meshes, distances of rays and padding. Maps are judged as they are used: sampled
-bilinearly at points spread over the low-poly mesh, normals transformed from tangent space as a
-renderer does. Pictures show a white diffuse surface under one lamp, without shadows.
+The error of an atlas is the share of texels that it wastes, that of a mesh its distance from the
+high-poly mesh. Pictures show a white diffuse surface under one lamp, without shadows.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
 from texbake.core import portable_math as pm
 from texbake.mapping.corner_uvs import with_coordinates
 from texbake.mapping.distortion import distortion
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
-from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.mesh.normals import smooth_normals
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.topology import find_edges
 from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.resolve import picture_error
-from texbake.study.bench.cases import BenchCase, mesh_file, pair_files
+from texbake.study.bench.cases import BenchCase, mesh_file
+from texbake.study.bench.map_tasks import (
+    AO_TASK,
+    DISPLACEMENT_TASK,
+    NORMALS_TASK,
+    BenchTask,
+    Prepared,
+)
 from texbake.study.bench.programs import Product
 from texbake.study.knob import Evaluation
 from texbake.study.options import BenchOptions
 from texbake.study.truth.pictures import RAYS_PER_SIDE, lambert_picture
-from texbake.study.truth.probes import Probes, angles_deg, probe, truth_of
-from texbake.texture.encoding import decode_normals
 from texbake.texture.image import read_image
-from texbake.texture.lookup import lookup
-
-
-@dataclass(frozen=True, eq=False)
-class Prepared:
-    """A task prepared for a case."""
-
-    subject: str  # what is worked on, in words
-    truth: str  # one of `texbake.study.knob.TRUTHS`
-    truth_text: str  # the same in a sentence
-    job: Mapping[str, Any]  # what all programs are given: files and common settings
-    judge: Callable[[Product], Evaluation]  # from a product to how wrong it is
-
-
-@dataclass(frozen=True, eq=False)
-class BenchTask:
-    """Something that several programs can do."""
-
-    name: str
-    title: str
-    about: str  # what is done, in a sentence or two
-    # error, unit: what its error is, for the axes of plots.
-    error: str
-    unit: str
-    # Writes the files into a folder; None if the task cannot be done, or judged, on the case.
-    prepare: Callable[[BenchCase, BenchOptions, Path], Prepared | None]
-
-
-_PADDING = 16
-_CONVERGED_RAYS = 1024
-
-
-def _job(case: BenchCase, folder: Path) -> dict[str, Any]:
-    return {**pair_files(case, folder), "distance": case.reach, "padding": _PADDING}
-
-
-def _pixels(product: Product) -> npt.NDArray[np.float32]:
-    return np.ascontiguousarray(read_image(product.path, color=False).pixels[..., :3])
-
-
-# Normals
-
-
-def _prepare_normals(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared:
-    probes = probe(case.pair, options.amounts.n_probes)
-
-    def judge(product: Product) -> Evaluation:
-        codes = _pixels(product)
-        if product.form == "tangent":
-            angles = probes.normal_errors(decode_normals(codes))
-        else:
-            read = lookup(2.0 * codes - 1.0, probes.uvs).astype(np.float64)
-            angles = angles_deg(read, probes.normals)
-        return Evaluation(
-            float(angles.mean()),
-            figures={"angle, 95th percentile (°)": float(np.quantile(angles, 0.95))},
-        )
-
-    truth, words = truth_of(case.pair, probes)
-    return Prepared(case.subject, truth, words, _job(case, folder), judge)
-
-
-NORMALS_TASK = BenchTask(
-    name="bake-normals",
-    title="Bake normals",
-    about="A normal map of the high-poly mesh for the low-poly one, from mesh files to a PNG file "
-    "with 16 texels of padding: 16 bits and tangent space, in pymeshlab 8 bits and object space.",
-    error="angle of the normal, mean",
-    unit="°",
-    prepare=_prepare_normals,
-)
-
-
-# Heights
-
-
-def _prepare_displacement(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared:
-    probes = probe(case.pair, options.amounts.n_probes)
-    points, normals = _points(case, probes), _directions(case, probes)
-
-    def judge(product: Product) -> Evaluation:
-        read = lookup(_pixels(product), probes.uvs).astype(np.float64)
-        heights = read[:, 0]
-        if product.form == "positions":
-            heights = pm.vecdot(read - points, normals)
-        errors = 100.0 * np.abs(heights - probes.heights) / case.low.diagonal
-        return Evaluation(
-            float(errors.mean()),
-            figures={"height, 95th percentile (% of diagonal)": float(np.quantile(errors, 0.95))},
-        )
-
-    truth, words = truth_of(case.pair, probes)
-    return Prepared(case.subject, truth, words, _job(case, folder), judge)
-
-
-def _points(case: BenchCase, probes: Probes) -> FloatArray:
-    corners = case.low.positions[case.low.faces[probes.faces]]
-    return np.asarray(pm.vecmat(probes.barycentrics, corners))
-
-
-def _directions(case: BenchCase, probes: Probes) -> FloatArray:
-    corners = smooth_normals(case.low)[case.low.faces[probes.faces]]
-    found = pm.vecmat(probes.barycentrics, corners)
-    lengths = np.sqrt(pm.vecdot(found, found))
-    return np.asarray(found / np.where(lengths > 0.0, lengths, 1.0)[:, None])
-
-
-DISPLACEMENT_TASK = BenchTask(
-    name="bake-displacement",
-    title="Bake displacement",
-    about="Heights of the high-poly mesh over the low-poly one, as 32-bit EXR. Blender bakes no "
-    "heights between two meshes; it bakes the positions of the hits, from which they follow.",
-    error="height, mean",
-    unit="% of diagonal",
-    prepare=_prepare_displacement,
-)
-
-
-# Ambient occlusion
-
-
-def _prepare_ao(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared | None:
-    if case.surface is not None and case.openness is None:
-        return None
-    probes = probe(case.pair, options.amounts.n_probes)
-    where = np.ones(len(probes.faces), dtype=np.bool_)
-    if case.openness is not None:
-        where = probes.faces < case.floor
-        truth = case.openness(_points(case, probes)[where])
-        kind = "closed form"
-        words = (
-            "The share of the sky that a ball hides from each point of the floor below it, "
-            "weighted by the cosine, has a closed form. Only the floor is compared."
-        )
-    else:
-        truth = _converged(case, options, folder)(probes.uvs)
-        kind = "converged"
-        words = f"texbake's own map of the same size with {_CONVERGED_RAYS:,} rays per texel."
-
-    def judge(product: Product) -> Evaluation:
-        found = lookup(_pixels(product), probes.uvs)[where, 0].astype(np.float64)
-        errors = 100.0 * np.abs(found - truth)
-        return Evaluation(
-            float(np.sqrt(np.square(errors).mean())),
-            figures={"error, 95th percentile (%)": float(np.quantile(errors, 0.95))},
-        )
-
-    size = options.one_size
-    return Prepared(f"{case.subject}, at {size} x {size}", kind, words, _job(case, folder), judge)
-
-
-def _converged(
-    case: BenchCase, options: BenchOptions, folder: Path
-) -> Callable[[FloatArray], FloatArray]:
-    made = BakeOptions(
-        size=options.one_size, maps=("ao",), secondary_rays=_CONVERGED_RAYS, front=case.reach,
-        back=case.reach, padding=_PADDING,
-    )  # fmt: skip
-    values = bake(case.high, case.low, made).maps["ao"].values
-    return lambda uvs: lookup(values, uvs)[:, 0].astype(np.float64)
-
-
-AO_TASK = BenchTask(
-    name="bake-ao",
-    title="Bake ambient occlusion",
-    about="Ambient occlusion of the high-poly mesh for the low-poly one, as EXR: rays spread over "
-    "the hemisphere by the cosine, as far as the mesh is wide.",
-    error="ambient light, root mean square",
-    unit="%",
-    prepare=_prepare_ao,
-)
-
 
 _ATLAS_SIZE, _GAP = 1024, 2  # texels
 
 
 def _prepare_unwrap(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared:
     mesh = case.low if case.build is None else case.build(options.amounts.unwrapped_triangles)
-    name = f"{case.name} to unwrap"
+    name = f"{case.name}-to-unwrap"
 
     def judge(product: Product) -> Evaluation:
         return unwrap_error(_unwrapped(product.path))
@@ -281,7 +107,10 @@ UNWRAP_TASK = BenchTask(
 def _prepare_simplify(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared | None:
     if case.high.n_faces <= min(options.amounts.counts):
         return None
+    return _prepare_mesh(case, options, folder)
 
+
+def _prepare_mesh(case: BenchCase, options: BenchOptions, folder: Path) -> Prepared:
     def judge(product: Product) -> Evaluation:
         mesh = read_mesh(product.path)
         apart = surface_distance(case.high, mesh, n_samples=options.amounts.n_probes)
@@ -290,6 +119,7 @@ def _prepare_simplify(case: BenchCase, options: BenchOptions, folder: Path) -> P
             figures={
                 "triangles": float(mesh.n_faces),
                 "distance, maximum (% of diagonal)": 100.0 * apart.max_relative,
+                "open edges": float(find_edges(mesh.faces).boundary.sum()),
             },
         )
 
@@ -299,7 +129,7 @@ def _prepare_simplify(case: BenchCase, options: BenchOptions, folder: Path) -> P
         truth="high-poly mesh",
         truth_text=f"The high-poly mesh{exact}: distances between both surfaces, in both "
         "directions.",
-        job={"mesh": mesh_file(case.high, folder, f"{case.name} high")},
+        job={"mesh": mesh_file(case.high, folder, f"{case.name}-high")},
         judge=judge,
     )
 
@@ -312,6 +142,17 @@ SIMPLIFY_TASK = BenchTask(
     error="distance between the surfaces, mean",
     unit="% of diagonal",
     prepare=_prepare_simplify,
+)
+
+
+REMESH_TASK = BenchTask(
+    name="remesh",
+    title="Remesh",
+    about="A new mesh of the same surface from voxels, from file to file. Programs count voxels "
+    "along the longest side of the mesh.",
+    error="distance between the surfaces, mean",
+    unit="% of diagonal",
+    prepare=_prepare_mesh,
 )
 
 
@@ -343,7 +184,7 @@ def _prepare_preview(case: BenchCase, options: BenchOptions, folder: Path) -> Pr
     camera = Camera.framing(case.high, options=RenderOptions(width=size, height=size))
     light = pm.matmul(np.array(_LIGHT), camera.axes)
     truth = lambert_picture(case.high, case.surface, camera, size, -light / pm.norm(light))
-    mesh = mesh_file(case.high, folder, f"{case.name} high")
+    mesh = mesh_file(case.high, folder, f"{case.name}-high")
     scene = folder / f"{case.name}.toml"
     numbers = {
         "eye": camera.eye.tolist(),
@@ -388,6 +229,7 @@ PREVIEW_TASK = BenchTask(
 TASKS = {
     task.name: task
     for task in (
-        NORMALS_TASK, DISPLACEMENT_TASK, AO_TASK, UNWRAP_TASK, SIMPLIFY_TASK, PREVIEW_TASK,
+        NORMALS_TASK, DISPLACEMENT_TASK, AO_TASK, UNWRAP_TASK, SIMPLIFY_TASK, REMESH_TASK,
+        PREVIEW_TASK,
     )
 }  # fmt: skip

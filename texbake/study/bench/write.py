@@ -10,15 +10,16 @@ from typing import Any
 from texbake.files import PathLike, write_files
 from texbake.pages.page import duration, memory, number, page_html, render
 from texbake.progress import ProgressSink, Stages
+from texbake.study.bench.map_tasks import MISSED
 from texbake.study.bench.programs import PROGRAMS
-from texbake.study.bench.result import OURS, BenchResult, Contest, Match
+from texbake.study.bench.result import OURS, BenchResult, Contest
 from texbake.study.findings import amount
 from texbake.study.options import PROGRAM_NAMES
 from texbake.study.plots import COLORS, Dot, Plot, draw_dots, finished_plot, new_figure, plot_style
 from texbake.study.result import Measurement, figure_names
 from texbake.study.write import PAGE_STYLE, TEMPLATES, crop_uri, titled
 
-PAGE, JSON, CSV, TABLE = "bench.html", "bench.json", "bench.csv", "bench.md"
+PAGE, JSON, TABLE = "bench.html", "bench.json", "bench.md"
 
 
 def write_bench(
@@ -29,42 +30,79 @@ def write_bench(
     plots = {}
     with stages.stage("draw plots", total=len(result.contests), unit="plots") as advance:
         for contest in result.contests:
-            plots[contest.name] = contest_plot(contest)
+            plots[contest.name] = contest_plot(contest, program_colors(result))
             advance(1)
     with stages.stage("write"):
         files = {
             PAGE: bench_page(result, plots).encode("utf-8"),
             JSON: (json.dumps(result.to_json(), indent=2) + "\n").encode("utf-8"),
-            CSV: result.to_csv().encode("utf-8"),
             TABLE: markdown(result).encode("utf-8"),
             **{f"{name}.png": plot.png for name, plot in plots.items()},
         }
         return write_files(folder, files)
 
 
-_HEAD = (
-    "| case | program | setting | error | time | memory | texbake as accurate | error | time "
-    "| memory | times as fast |"
-)
+_SUMMARY = "| case | task | texbake | {rival} | times as fast | error: texbake / other | memory |"
 
 
 def markdown(result: BenchResult) -> str:
-    """Return one table per task: each setting of a program beside texbake's fastest as accurate."""
-    lines = [machine_words(result.machine), "", version_words(result), ""]
-    for task in dict.fromkeys(contest.task.name for contest in result.contests):
-        contests = [contest for contest in result.contests if contest.task.name == task]
-        lines += [f"**{contests[0].task.title}** (error: {contests[0].task.error})", ""]
-        rows = [row for contest in contests for row in _rows(contest)]
-        lines += [_HEAD, "|" + "---|" * (_HEAD.count("|") - 1), *rows, ""]
-    return "\n".join(lines).rstrip() + "\n"
+    """Return what was measured on, and a summary, for a README."""
+    return "\n".join([f"{machine_words(result)} {version_words(result)}", "", *summary(result), ""])
 
 
-def machine_words(machine: dict[str, Any]) -> str:
-    """Return the machine in a sentence."""
+def summary(result: BenchResult) -> list[str]:
+    """Return a table for a README: texbake beside one other program, a row for most tasks.
+
+    Normals have a row for each setting, every other task one for the middle one.
+    """
+    rival = next((title for title in result.versions if title != OURS), OURS)
+    head = _SUMMARY.format(rival=f"{rival} {result.versions.get(rival, '')}".strip())
+    rows = []
+    for contest in result.contests:
+        if OURS not in contest.programs:
+            continue
+        theirs = [item for item in contest.measurements if item.setting.series == rival]
+        if contest.task.name != "bake-normals":
+            theirs = theirs[len(theirs) // 2 :][:1]
+        rows += [_summary_row(contest, item) for item in theirs]
+    return [head, "|" + "---|" * (head.count("|") - 1), *rows]
+
+
+def _summary_row(contest: Contest, theirs: Measurement) -> str:
+    match = contest.match(theirs)
+    ours = match.ours or contest.measurements[contest.curve(OURS)[-1]]
+    label = theirs.setting.label
+    if ours.setting.label != label:
+        label += f" ({OURS}: {ours.setting.label})"
+    times = "less accurate" if match.times_as_fast is None else number(match.times_as_fast)
+    unit = contest.task.unit
+    return (
+        f"| {contest.case} | {contest.task.title.lower()}, {label} | {duration(ours.median)} "
+        f"| {duration(theirs.median)} | {times} "
+        f"| {amount(ours.error, unit)} / {amount(theirs.error, unit)} "
+        f"| {memory(ours.peak_bytes)} / {memory(theirs.peak_bytes)} |"
+    )
+
+
+def machine_words(result: BenchResult) -> str:
+    """Return the date and the machine in a sentence, and which programs ran elsewhere."""
+    groups: dict[str, list[str]] = {}
+    for title, machine in result.machines.items():
+        groups.setdefault(_machine(machine), []).append(title)
+    first, *others = groups
+    sentences = [f"Measured on {result.date}, on {first}."]
+    sentences += [
+        f"{' and '.join(groups[machine])} ran on {machine}: compare these times with care."
+        for machine in others
+    ]
+    return " ".join(sentences)
+
+
+def _machine(machine: dict[str, Any]) -> str:
     words = [machine.get("model", machine["processor"]), f"{machine['processors']} processors"]
     if "memory_bytes" in machine:
         words.append(memory(machine["memory_bytes"]))
-    return f"Measured on {', '.join(words)}, {machine['system']}, Python {machine['python']}."
+    return ", ".join([*words, machine["system"]])
 
 
 def version_words(result: BenchResult) -> str:
@@ -76,44 +114,18 @@ def version_words(result: BenchResult) -> str:
     return words
 
 
-def _rows(contest: Contest) -> list[str]:
-    unit = contest.task.unit
-    matches = contest.matches()
-    if not matches:  # texbake alone
-        return [
-            f"| {contest.case} | {OURS} | {item.setting.label} | {_figures(item, unit)} | | | | | |"
-            for item in (contest.measurements[i] for i in contest.curve(OURS))
-        ]
-    return [_row(contest.case, match, unit) for match in matches]
-
-
-def _row(case: str, match: Match, unit: str) -> str:
-    theirs = match.theirs
-    start = (
-        f"| {case} | {theirs.setting.series} | {theirs.setting.label} | {_figures(theirs, unit)} "
-    )
-    if match.ours is None or match.times_as_fast is None:
-        return f"{start}| none | | | | |"
-    ours = match.ours
-    return (
-        f"{start}| {ours.setting.label} | {_figures(ours, unit)} | {number(match.times_as_fast)} |"
-    )
-
-
-def _figures(item: Measurement, unit: str) -> str:
-    low, high = duration(min(item.seconds)), duration(max(item.seconds))
-    time = duration(item.median) if low == high else f"{duration(item.median)} ({low} to {high})"
-    return f"{amount(item.error, unit)} | {time} | {memory(item.peak_bytes)}"
-
-
-_COLORS = {PROGRAMS[name].title: color for name, color in zip(PROGRAM_NAMES, COLORS, strict=False)}
+def program_colors(result: BenchResult) -> dict[str, str]:
+    """Return a color for each program, the same on all plots."""
+    known = [PROGRAMS[name].title for name in PROGRAM_NAMES]
+    titles = dict.fromkeys([*known, *result.versions])
+    return {title: COLORS[i % len(COLORS)] for i, title in enumerate(titles)}
 
 
 # Of axes half as wide as a page.
 _MOST_TICKS = 6
 
 
-def contest_plot(contest: Contest) -> Plot:
+def contest_plot(contest: Contest, colors: Mapping[str, str]) -> Plot:
     """Plot all settings of all programs: left over seconds, right over memory where it is known.
 
     The line of a program joins the settings that are on its own front; the dashed line is the front
@@ -124,15 +136,17 @@ def contest_plot(contest: Contest) -> Plot:
         figure = new_figure(11.0 if known else 6.4, 4.8)
         frames = figure.subplots(1, 2 if known else 1, squeeze=False)[0]
         for axes, over_memory in zip(frames, (False, True), strict=False):
-            _draw(axes, contest, over_memory=over_memory)
+            _draw(axes, contest, colors, over_memory=over_memory)
         frames[0].set_ylabel(f"{contest.task.error} ({contest.task.unit})")
         for program in contest.programs:
-            frames[0].plot([], [], "o-", color=_COLORS[program], label=program, ms=5, lw=0.9)
+            frames[0].plot([], [], "o-", color=colors[program], label=program, ms=5, lw=0.9)
         frames[0].legend(fontsize=8, frameon=False, loc="best")
         return finished_plot(figure, contest.name)
 
 
-def _draw(axes, contest: Contest, *, over_memory: bool) -> None:  # type: ignore[no-untyped-def]
+def _draw(  # type: ignore[no-untyped-def]
+    axes, contest: Contest, colors: Mapping[str, str], *, over_memory: bool
+) -> None:
     front = contest.memory_front if over_memory else contest.front
     dots: dict[int, Dot] = {}
     for i, item in enumerate(contest.measurements):
@@ -141,11 +155,11 @@ def _draw(axes, contest: Contest, *, over_memory: bool) -> None:  # type: ignore
         x = float(item.peak_bytes or 0) if over_memory else item.median
         ends = (x, x) if over_memory else (min(item.seconds), max(item.seconds))
         dots[i] = Dot(
-            x, item.error, *ends, item.setting.label, _COLORS[item.setting.series],
+            x, item.error, *ends, item.setting.label, colors[item.setting.series],
             filled=i in set(front),
         )  # fmt: skip
     lines = [
-        (_COLORS[program], [dots[i] for i in contest.curve(program, memory=over_memory)])
+        (colors[program], [dots[i] for i in contest.curve(program, memory=over_memory)])
         for program in contest.programs
     ]
     draw_dots(
@@ -174,7 +188,8 @@ def bench_page(result: BenchResult, plots: Mapping[str, Plot]) -> str:
         folder=TEMPLATES,
         title=_TITLE,
         result=result,
-        machine=machine_words(result.machine),
+        machine=machine_words(result),
+        missed=MISSED,
         tasks=list(dict.fromkeys(contest.task for contest in result.contests)),
         plots={
             contest.name: titled(plots[contest.name].svg, f"{contest.task.title}: {contest.case}")

@@ -29,12 +29,13 @@ from texbake.core import portable_math as pm
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.normals import shading_normals
+from texbake.mesh.normals import shading_normals, smooth_normals
 from texbake.mesh.tangents import shading_tangents
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
 from texbake.study.knob import StudyPair
+from texbake.study.truth.surfaces import Surface
 from texbake.texture.lookup import lookup
 
 
@@ -49,12 +50,24 @@ class Probes:
     # (n,) float64; true heights along the ray, in model units, positive outwards.
     heights: FloatArray
     # Mean error of the high-poly mesh itself, in degrees: no map of it is more accurate.
-    high_deg: float
+    high_deg: float = 0.0
 
     @cached_property
     def uvs(self) -> FloatArray:
         """(n, 2) float64 texture coordinates."""
         return np.asarray(pm.vecmat(self.barycentrics, self.low.corner_uvs()[self.faces]))
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """(n, 3) float64 places in model space."""
+        return np.asarray(
+            pm.vecmat(self.barycentrics, self.low.positions[self.low.faces[self.faces]])
+        )
+
+    @cached_property
+    def outward(self) -> FloatArray:
+        """(n, 3) float64 smooth normals of the low-poly mesh, along which it is displaced."""
+        return _smooth(self.low, self.faces, self.barycentrics)
 
     @cached_property
     def frames(self) -> FloatArray:
@@ -119,6 +132,29 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
     truth = truth[hit] / lengths[hit, None]
     off = float(angles_deg(normals[hit], truth).mean()) if hit.any() else 0.0
     return Probes(low, faces[hit], barycentrics[hit], truth, heights[hit], off)
+
+
+def probe_surface(surface: Surface, low: Mesh, n: int, *, reach: float) -> Probes:
+    """Follow rays from about `n` points of a low-poly mesh to a formula, and to no mesh of it.
+
+    The rays begin `reach` outside of the low-poly mesh and end `reach` inside. Points whose ray
+    meets nothing are left out.
+    """
+    points, faces, barycentrics = sample_surface(low, n)
+    outward = _smooth(low, faces, barycentrics)
+    starts = points + reach * outward
+    distances, found = surface.first_hits(starts, -outward, 2.0 * reach)
+    hits = starts - distances[:, None] * outward
+    return Probes(
+        low, faces[found], barycentrics[found], surface.normals(hits[found]),
+        reach - distances[found],
+    )  # fmt: skip
+
+
+def _smooth(low: Mesh, faces: IntArray, barycentrics: FloatArray) -> FloatArray:
+    normals = pm.vecmat(barycentrics, smooth_normals(low)[low.faces[faces]])
+    lengths = pm.norm(normals, axis=1)
+    return np.asarray(normals / np.where(lengths > 0.0, lengths, 1.0)[:, None])
 
 
 def truth_of(pair: StudyPair, probes: Probes) -> tuple[str, str]:

@@ -24,6 +24,8 @@ _ROUNDS = 20
 _MOST_STEP = 0.05
 # Value that counts as on the surface.
 _ON_SURFACE = 1e-9
+# Of a ray, and of the step in which it goes inside.
+_STEPS, _HALVINGS = 48, 32
 
 
 class Surface(ABC):
@@ -57,6 +59,29 @@ class Surface(ABC):
             if np.abs(values).max(initial=0.0) < 0.01 * _ON_SURFACE:
                 break
         return points, np.abs(self.value(points)) < _ON_SURFACE
+
+    def first_hits(
+        self, starts: FloatArray, directions: FloatArray, length: float
+    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+        """Return where rays of a length first go from outside to inside.
+
+        `starts`, `directions` (n, 3) float64. Returns `distances` (n,) float64 along the rays;
+        `found` (n,) bool. What is thinner than a 48th of the length can be missed.
+        """
+        steps = np.linspace(0.0, length, _STEPS + 1)
+        before = np.full(len(starts), -1, dtype=np.int64)
+        was_outside = self.value(starts) > 0.0
+        for i, step in enumerate(steps[1:]):
+            is_outside = self.value(starts + step * directions) > 0.0
+            before[was_outside & ~is_outside & (before < 0)] = i
+            was_outside = is_outside
+        found = before >= 0
+        outer, inner = steps[before], steps[np.minimum(before + 1, _STEPS)]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (outer + inner)
+            is_outside = self.value(starts + middle[:, None] * directions) > 0.0
+            outer, inner = np.where(is_outside, middle, outer), np.where(is_outside, inner, middle)
+        return 0.5 * (outer + inner), found
 
 
 @dataclass(frozen=True, eq=False)

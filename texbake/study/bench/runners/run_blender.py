@@ -125,6 +125,19 @@ def simplify(job):
     thing = imported(job["mesh"])
     modifier = thing.modifiers.new("decimate", "DECIMATE")
     modifier.ratio = job["faces"] / len(thing.data.polygons)
+    export(job)
+
+
+def remesh(job):
+    """Write a mesh of the surface of voxels."""
+    thing = imported(job["mesh"])
+    modifier = thing.modifiers.new("remesh", "REMESH")
+    modifier.mode, modifier.voxel_size = "VOXEL", max(thing.dimensions) / job["voxels"]
+    export(job)
+
+
+def export(job):
+    """Write the selected mesh, with its modifiers."""
     bpy.ops.wm.ply_export(
         filepath=job["out"], apply_modifiers=True, export_selected_objects=True,
         export_normals=False, export_uv=False, export_triangulated_mesh=True,

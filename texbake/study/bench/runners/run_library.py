@@ -3,7 +3,7 @@
 import json
 import sys
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version as version_of
+from importlib.metadata import version as version_of
 from pathlib import Path
 
 import numpy as np
@@ -50,15 +50,29 @@ def pymeshlab_simplify(job):
     meshes.save_current_mesh(job["out"])
 
 
+def pymeshlab_remesh(job):
+    """Write a mesh of the zero level of distances on a grid."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(job["mesh"])
+    box = meshes.current_mesh().bounding_box()
+    side = max(box.dim_x(), box.dim_y(), box.dim_z())
+    meshes.generate_resampled_uniform_mesh(cellsize=pymeshlab.PureValue(side / job["voxels"]))
+    meshes.save_current_mesh(job["out"])
+
+
 def read_ply(path):
     """Positions and triangles of a binary PLY file, of float32 and lists of one byte and int32."""
     data = Path(path).read_bytes()
     end = data.index(b"end_header\n") + len(b"end_header\n")
-    counts = [int(line.split()[2]) for line in data[:end].splitlines() if b"element" in line]
-    positions = np.frombuffer(data, "<f4", 3 * counts[0], end).reshape(-1, 3)
+    lines = data[:end].splitlines()
+    counts = [int(line.split()[2]) for line in lines if line.startswith(b"element")]
+    width = sum(line.startswith(b"property float") for line in lines)  # more than 3 with normals
+    positions = np.frombuffer(data, "<f4", width * counts[0], end).reshape(-1, width)
     rows = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
     faces = np.frombuffer(data, rows, counts[1], end + positions.nbytes)["corners"]
-    return np.ascontiguousarray(positions), np.ascontiguousarray(faces)
+    return np.ascontiguousarray(positions[:, :3]), np.ascontiguousarray(faces)
 
 
 def xatlas_unwrap(job):
@@ -78,44 +92,49 @@ def xatlas_unwrap(job):
     np.savez(job["out"], positions=positions, faces=faces, corners=uvs[corners])
 
 
-def trimesh_unwrap(job):
-    """Write texture coordinates by corner, from xatlas; trimesh sets neither size nor gap."""
-    import trimesh
+def write_ply(path, positions, faces):
+    """Write positions and triangles as binary PLY, as `read_ply` reads them."""
+    rows = np.empty(len(faces), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    rows["count"], rows["corners"] = 3, faces
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(positions)}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    data = np.ascontiguousarray(positions, "<f4").tobytes() + rows.tobytes()
+    Path(path).write_bytes(head.encode("ascii") + data)
 
-    mesh = trimesh.load(job["mesh"], process=False)
-    unwrapped = mesh.unwrap()
-    np.savez(
-        job["out"],
-        positions=unwrapped.vertices,
-        faces=unwrapped.faces,
-        corners=unwrapped.visual.uv[unwrapped.faces],
+
+def fast_simplification_simplify(job):
+    """Write a mesh of about this many triangles."""
+    import fast_simplification
+
+    positions, faces = read_ply(job["mesh"])
+    write_ply(
+        job["out"], *fast_simplification.simplify(positions, faces, target_count=job["faces"])
     )
 
 
-def trimesh_simplify(job):
-    """Write a mesh of about this many triangles."""
-    import trimesh
+def meshoptimizer_simplify(job):
+    """Write a mesh of about this many triangles, without a bound on the error."""
+    import meshoptimizer
 
-    mesh = trimesh.load(job["mesh"], process=False)
-    mesh.simplify_quadric_decimation(face_count=job["faces"]).export(job["out"])
+    positions, faces = read_ply(job["mesh"])
+    indices = faces.astype(np.uint32).ravel()
+    kept = np.zeros_like(indices)
+    count = meshoptimizer.simplify(
+        kept, indices, positions, target_index_count=3 * job["faces"], target_error=1.0
+    )
+    used, corners = np.unique(kept[:count], return_inverse=True)
+    write_ply(job["out"], positions[used], corners.reshape(-1, 3))
 
 
 def version(job):
-    """Print the version of the library, and of what trimesh uses."""
-    import_module(job["program"])
-    words = version_of(job["program"])
-    if job["program"] == "trimesh":
-        parts = []
-        for name in "fast-simplification", "xatlas":
-            try:
-                parts.append(f"with {name} {version_of(name)}")
-            except PackageNotFoundError:
-                parts.append(f"without {name}")
-        words += f" ({', '.join(parts)})"
-    print("VERSION", words)
+    """Print the version of the library."""
+    name = job["program"]
+    import_module(name.replace("-", "_"))
+    print("VERSION", version_of(name))
 
 
 if __name__ == "__main__":
     job = json.loads(sys.argv[1])
-    task = job["task"].replace("-", "_")
-    globals()[task if task == "version" else f"{job['program']}_{task}"](job)
+    name = job["task"] if job["task"] == "version" else f"{job['program']}_{job['task']}"
+    globals()[name.replace("-", "_")](job)
