@@ -10,6 +10,7 @@ import datetime
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -39,12 +40,6 @@ def do_jobs(chosen, program, version, command_of):
     writes, and what its pixels are; None for a job that the program cannot do. Names of files that
     it makes begin with `stem`.
     """
-    machine = {
-        "system": platform.system(),
-        "processor": platform.machine(),
-        "processors": os.cpu_count() or 1,
-        "python": platform.python_version(),
-    }
     contests, is_quick = [], False
     for path in sorted(chosen.folder.glob("*/settings.json")):
         case = json.loads(path.read_text("utf-8"))
@@ -69,7 +64,7 @@ def do_jobs(chosen, program, version, command_of):
         "version": 2,
         "date": datetime.date.today().isoformat(),
         "quick": is_quick,
-        "programs": {program: {"version": version, "machine": machine}},
+        "programs": {program: {"version": version, "machine": machine_figures()}},
         "contests": contests,
     }
     if chosen.dry_run:
@@ -77,6 +72,23 @@ def do_jobs(chosen, program, version, command_of):
     path = chosen.folder / f"{program.lower()}.json"
     path.write_text(json.dumps(result, indent=2) + "\n", "utf-8")
     print(f"wrote {path}")
+
+
+def machine_figures():
+    """Return what this machine is, as `texbake bench` says it, but for its name."""
+    figures = {
+        "system": platform.system(),
+        "processor": platform.machine(),
+        "processors": os.cpu_count() or 1,
+        "python": platform.python_version(),
+    }
+    if platform.system() == "Linux":
+        lines = Path("/proc/cpuinfo").read_text() + Path("/proc/meminfo").read_text()
+        found = dict(re.findall(r"^(model name|MemTotal)\s*:\s*(.*)$", lines, re.MULTILINE))
+        if "model name" in found:
+            figures["model"] = found["model name"].strip()
+        figures["memory_bytes"] = int(found["MemTotal"].split()[0]) * 1024
+    return figures
 
 
 def _done(chosen, command, output, form=None):
