@@ -8,7 +8,7 @@ from texbake.baking import texels
 from texbake.core import core
 from texbake.errors import MeshError
 from texbake.mapping.overlap import find_overlaps
-from texbake.mesh import decimate, distance, remesh as remesh_module
+from texbake.mesh import distance, piecewise, remesh as remesh_module
 from texbake.mesh.decimate import weld_corners
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -266,5 +266,5 @@ def test_simplification_begins_without_the_copies_of_a_stack():
 
 
 def test_a_pole_of_thousands_of_faces_is_nothing_special():
-    assert not decimate._is_crowded(weld_corners(uv_sphere(4, 5000)))
-    assert decimate._is_crowded(weld_corners(star(20_000)))
+    assert not piecewise._is_crowded(weld_corners(uv_sphere(4, 5000)))
+    assert piecewise._is_crowded(weld_corners(star(20_000)))

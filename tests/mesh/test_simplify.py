@@ -9,7 +9,7 @@ from tests.mesh.test_shapes import open_edges, signed_volume
 from tests.models import BROKEN, HAS_REAL, joined, level_surface, model, moved, real, soup_of
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.decimate import bring_down, gather, weld_corners, weld_positions
+from texbake.mesh.decimate import gather, weld_corners, weld_positions
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded, with_normals
 from texbake.mesh.mesh import Mesh
@@ -17,6 +17,7 @@ from texbake.mesh.normals import face_normals
 from texbake.mesh.objects import face_objects, joined_objects, object_names
 from texbake.mesh.options import QUALITIES
 from texbake.mesh.parametric.make import make
+from texbake.mesh.piecewise import bring_down
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import Trial, search_fewest, simplify, simplify_with_report
 from texbake.mesh.topology import face_components, find_edges, genus

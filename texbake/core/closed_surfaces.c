@@ -30,10 +30,10 @@ static inline uint64_t hash_of(int32_t id)
     return mixed(((uint64_t)(uint32_t)id + 1) * GOLDEN);
 }
 
-/* Count vertices at which the surface is open or not consistently oriented; faces are rows of wedges. */
-EXPORT int64_t count_open_vertices(
+/* Mark vertices at which the surface is open or not consistently oriented; faces are rows of wedges. */
+EXPORT int64_t mark_open_vertices(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
-    const int32_t faces[n_faces][3])
+    const int32_t faces[n_faces][3], bool is_open[n_vertices])
 {
     OPEN_ARENA(arena);
     uint64_t *sums = TAKE_ZEROS(arena, uint64_t, n_vertices);
@@ -46,11 +46,10 @@ EXPORT int64_t count_open_vertices(
         sums[b] += hash_of(c) - hash_of(a);
         sums[c] += hash_of(a) - hash_of(b);
     }
-    int64_t n_open = 0;
     for (int64_t vertex = 0; vertex < n_vertices; vertex++)
-        n_open += sums[vertex] != 0;
+        is_open[vertex] = sums[vertex] != 0;
     close_arena(arena);
-    return n_open;
+    return 0;
 }
 
 /* A key for the position of each vertex, so that vertices split at a seam count as one; 0.0 and

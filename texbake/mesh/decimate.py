@@ -4,8 +4,7 @@ Where corners at one position differ in texture coordinates, hard normals or gro
 vertex for each; the kernels take the edges between several vertices at one position for a seam and
 keep it. Vertices of two objects never share a position, however close they are.
 
-Kernels: `core/quadric_simplification.c`, and for millions of faces
-`core/piecewise_simplification.c`.
+Kernel: `core/quadric_simplification.c`.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
 SIGGRAPH 1997.
@@ -13,7 +12,6 @@ SIGGRAPH 1997.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,33 +26,9 @@ from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
 from texbake.mesh.topology import face_components, repeated_vertices
-from texbake.mesh.triangle_tree import morton_order
 from texbake.mesh.weld import weld_rows
-from texbake.parallel import run_bands
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
-
-# Larger meshes are first reduced in pieces to this many faces, or to this multiple of the requested
-# faces.
-_START_FACES = 50_000
-_START_TIMES = 4
-
-_PIECE = 1 << 14  # faces that a processor's cache holds with all that belongs to them
-# A collapse into a vertex looks at all of its faces in the piece, so that vertices of thousands of
-# faces cost the squares of these. Where that is much, pieces are smaller, and more is done in them.
-_CROWD, _MOST_LOOKS, _CROWDED_PIECE = 1 << 12, 2e8, 1 << 10
-_CROWDED_START, _CROWDED_START_TIMES = 1 << 12, 1.1
-_ROUND_TIMES = 8  # what a round in pieces reduces a mesh by, at most
-# Each piece may go down to this share of what it would keep if all were reduced alike.
-_PIECE_SHARE = 0.25
-# The last collapses of a piece, around what must stay at its border, take longest. Few of them are
-# used, because their errors exceed the limit of the round. So one piece in `_PIECES_PER_SAMPLE` is
-# collapsed as far as possible, and the others stop at the error that would leave `_SAMPLE_SHARE` of
-# the wanted faces in those. There is no such error if there are fewer than `_LEAST_PIECES`, or if
-# the complete ones keep more than `_FAR_BELOW` of the wanted faces.
-_PIECES_PER_SAMPLE, _LEAST_PIECES, _SAMPLE_SHARE, _FAR_BELOW = 8, 32, 0.92, 0.6
-_MOST_ROUNDS = 6
-_ERROR_SHIFT = 15  # bits of a float32 that two errors may differ in and count as one
 
 # A boundary that would take up more than this part of the faces is simplified like the rest.
 _BOUNDARY_SHARE = 0.25
@@ -208,101 +182,21 @@ def _without_stacks(faces: IntArray, places: IntArray, n_vertices: int) -> IntAr
     return faces[_is_first_of_its_kind(places)]
 
 
-def bring_down(stream: VertexStream, n_faces: int, *, threads: int | None = None) -> VertexStream:
-    """Reduce a large stream until the rest is quick, leaving its boundary if that fits.
-
-    Restarting the quadrics there also brings the result a little closer to the surface.
-    """
-    n_start = max(_START_FACES, _START_TIMES * n_faces)
-    if _is_crowded(stream):
-        n_start = max(_CROWDED_START, int(_CROWDED_START_TIMES * n_faces))
-    if len(stream.faces) <= 1.25 * n_start:
-        return stream
-    lock_boundary = boundary_fits(stream, n_faces)
-    for number in range(_MOST_ROUNDS):
-        n_before = len(stream.faces)
-        if n_before <= 1.25 * n_start:
-            break
-        n_wanted = max(n_start, n_before // _ROUND_TIMES)
-        stream = _reduce_pieces(stream, n_wanted, number, lock_boundary, threads)
-        if len(stream.faces) > 0.9 * n_before:
-            break
-    return stream
-
-
-def _reduce_pieces(
-    stream: VertexStream, n_wanted: int, number: int, lock_boundary: bool, threads: int | None
-) -> VertexStream:
-    """Reduce to about `n_wanted` faces, never to less than `_PIECE_SHARE` of that, in one round."""
-    faces = with_three_places(stream, stream.faces)
-    # On a grid that moves from round to round.
-    shift = 0.31 * number % 1.0
-    order, _ = morton_order(stream.points, faces, threads, most_bits=10, shift=shift, span=2.0)
-    faces = faces[order]
-    vertex_of, points = stream.vertices
-    n = len(faces)
-    piece = _CROWDED_PIECE if _is_crowded(stream) else _PIECE
-    is_shared = np.zeros(len(points), dtype=bool)
-    core.mark_shared_vertices(vertex_of, faces, piece, is_shared)
-    gone, kept = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
-    errors, n_gone = np.empty(n, dtype=np.float32), np.empty(n, dtype=np.uint8)
-
-    def collapse(pieces: npt.NDArray[np.intp], most_error: float) -> None:
-        def work(first: int, last: int) -> None:
-            for start in pieces[first:last] * piece:
-                stop = min(start + piece, n)
-                n_least = int((stop - start) * _PIECE_SHARE * n_wanted / n)
-                core.log_collapses(
-                    vertex_of, points, faces, is_shared, start, stop, n_least, most_error,
-                    lock_boundary, gone, kept, errors, n_gone,
-                )  # fmt: skip
-
-        run_bands(work, len(pieces), band=1, threads=threads)
-
-    pieces = np.arange(-(-n // piece))
-    is_first = pieces % _PIECES_PER_SAMPLE == _PIECES_PER_SAMPLE // 2
-    collapse(pieces[is_first], math.inf)
-    guess, rows = math.inf, np.repeat(is_first, piece)[:n]
-    n_rows = int(np.count_nonzero(rows))
-    n_least, n_aim = n_rows - int(n_gone[rows].sum(dtype=np.int64)), n_wanted * n_rows / n
-    if len(pieces) >= _LEAST_PIECES and n_least < _FAR_BELOW * n_aim:
-        n_first = n_rows - int(_SAMPLE_SHARE * n_aim)
-        guess = _error_limit(errors[rows], n_gone[rows], n_first)
-    collapse(pieces[~is_first], guess)
-    limit = _error_limit(errors, n_gone, n - n_wanted)
-    if limit > guess:
-        collapse(pieces[~is_first], limit)  # rows were missing, so that it is at most this
-        limit = _error_limit(errors, n_gone, n - n_wanted)
-    n_left = core.apply_collapses(vertex_of, gone, kept, errors, limit, faces)
-    return stream.restricted(faces[:n_left])
-
-
-def _is_crowded(stream: VertexStream) -> bool:
-    """Whether so many faces share vertices that collapsing their edges would take long."""
-    n_around = np.bincount(stream.vertices[0][stream.faces].ravel(), minlength=1)
-    crowds = n_around[n_around >= _CROWD].astype(np.float64)
-    return bool(np.square(crowds).sum() > _MOST_LOOKS)
-
-
-def _error_limit(
-    errors: npt.NDArray[np.float32], n_gone: npt.NDArray[np.uint8], n_wanted: int
-) -> float:
-    """Error up to which collapses take about `n_wanted` faces away, or all that are finite."""
-    bins = errors.view(np.uint32) >> _ERROR_SHIFT  # floats from 0 sort as their bits
-    sums = np.cumsum(np.bincount(bins, n_gone))
-    infinite = int(np.float32(np.inf).view(np.uint32)) >> _ERROR_SHIFT
-    after = min(int(np.searchsorted(sums, n_wanted)) + 1, infinite)
-    return float(np.uint32((after << _ERROR_SHIFT) - 1).view(np.float32))
-
-
 def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
-    """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest.
+    """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest."""
+    n_boundary = int(np.count_nonzero(open_vertices(stream)))
+    return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
+
+
+def open_vertices(stream: VertexStream) -> npt.NDArray[np.bool_]:
+    """(V,) bool: where the surface is open, or its faces are wound in different ways.
 
     Kernel: `core/closed_surfaces.c`.
     """
     vertex_of, points = stream.vertices
-    n_boundary: int = core.count_open_vertices(len(points), vertex_of, stream.faces)
-    return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
+    is_open = np.empty(len(points), dtype=bool)
+    core.mark_open_vertices(vertex_of, stream.faces, is_open)
+    return is_open
 
 
 def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool = False) -> IntArray:

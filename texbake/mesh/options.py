@@ -216,6 +216,14 @@ class SimplifyOptions(CheckedOptions):
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
+    max_memory: str | int | None = option(
+        None,
+        "Limit on the estimated memory, such as 2G; a larger mesh is read in pieces from its "
+        "binary PLY or STL file, and these are reduced first. So is one of more than 16,777,216 "
+        "triangles.",
+        metavar="SIZE",
+        default="no limit",
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -23,7 +23,6 @@ from texbake.mesh.compose import face_fields
 from texbake.mesh.decimate import (
     VertexStream,
     boundary_fits,
-    bring_down,
     collapse_stream,
     gather,
     move_and_collapse,
@@ -37,6 +36,7 @@ from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import SimplifyOptions
+from texbake.mesh.piecewise import bring_down
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
 from texbake.mesh.weld import later_copies, unique_rows

@@ -28,6 +28,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
 from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
+from texbake.mesh.streamed.reduction import ReducedMesh
 from texbake.progress import ProgressSink, Stages
 
 # Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.
@@ -164,10 +165,14 @@ def simplify_with_report(
     error: str | float | None = None,
     quality: str = SimplifyOptions.quality,
     seams: str = SimplifyOptions.seams,
+    source: ReducedMesh | None = None,
     progress: ProgressSink | None = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
-    """Simplify a mesh, and report the method and how far the result lies from the given mesh."""
+    """Simplify a mesh, and report the method and how far the result lies from the given mesh.
+
+    `source`: what the mesh was reduced from, which the report is then of.
+    """
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
@@ -177,31 +182,39 @@ def simplify_with_report(
     low, distance = result.mesh, result.distance
     if distance is None:
         with stages.stage("measure distance"):
-            distance = surface_distance(mesh, low, threads=threads)
+            distance = measured(source or mesh, low, threads=threads)
     report = SimplifyReport(
-        n_faces_before=mesh.n_faces,
+        n_faces_before=mesh.n_faces if source is None else source.source.n_faces,
         n_faces_asked=n_faces,
         error_asked=error_limit(error, mesh.diagonal),
         n_faces=low.n_faces,
         n_vertices=low.n_vertices,
         quality=quality,
         method=result.method,
-        notes=(*result.notes, *distance.notes),
+        notes=(*(() if source is None else (source.note,)), *result.notes, *distance.notes),
         distance=distance,
         seconds=seconds,
     )
     return low, report
 
 
+def measured(mesh: Mesh | ReducedMesh, low: Mesh, *, threads: int | None) -> SurfaceDistance:
+    """Measure the distance between a mesh, or one that stays in its file, and what it became."""
+    if isinstance(mesh, Mesh):
+        return surface_distance(mesh, low, threads=threads)
+    return mesh.distance(low, threads=threads)
+
+
 def measured_to(
-    report: SimplifyReport, mesh: Mesh, low: Mesh, *, threads: int | None = None
+    report: SimplifyReport, mesh: Mesh | ReducedMesh, low: Mesh, *, threads: int | None = None
 ) -> SimplifyReport:
     """Change the report of a simplified wrap to one of the mesh that the wrap was made of."""
-    distance = surface_distance(mesh, low, threads=threads)
+    distance = measured(mesh, low, threads=threads)
+    whole = mesh if isinstance(mesh, Mesh) else mesh.source
     notes = (note for note in report.notes if note not in report.distance.notes)
     return replace(
         report,
-        n_faces_before=mesh.n_faces,
+        n_faces_before=whole.n_faces,
         notes=(*notes, *distance.notes),
         distance=distance,
     )

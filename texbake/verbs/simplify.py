@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from texbake.baking.memory import PROCESS
+from texbake.baking.memory import PROCESS, memory_left
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, check_angle, check_target, error_limit
@@ -19,9 +20,11 @@ if TYPE_CHECKING:
     from texbake.jobs.outputs import JobResult
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.simplify import SimplifyReport
+    from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.progress import ProgressSink
 
 _CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
+_FACE = 125  # bytes of memory for each triangle of a mesh that is simplified in memory
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
 
@@ -89,7 +92,6 @@ def simplify_levels(
     Levels of an unwrapped mesh share its texture coordinates, so that the maps baked for it fit
     all of them; keep seams, so that no level loses its coordinates.
     """
-    from texbake.jobs.mesh_output import read_with_materials
     from texbake.jobs.outputs import check_mesh
     from texbake.mesh.objects import joined_objects
     from texbake.progress import Stages
@@ -104,7 +106,7 @@ def simplify_levels(
     for count, output in levels:
         check_target(count, options.error)
         check_mesh(output)
-    read, materials = read_with_materials(mesh, progress)
+    read, materials, source = _read(mesh, levels, options, threads, progress)
     if options.join_objects:
         read = joined_objects(read)
     with Stages(progress).stage("find outside"):
@@ -112,14 +114,50 @@ def simplify_levels(
     results = []
     for count, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
-        level = _level(high, materials, count, output, options, mtl, threads, progress)
+        level = _level(high, source, materials, count, output, options, mtl, threads, progress)
         figures = replace(level.report, notes=(*turned.notes, *level.report.notes))
         results.append(replace(level, report=figures, warnings=(*figures.notes, *level.warnings)))
     return results
 
 
+def _read(
+    path: PathLike,
+    levels: Sequence[tuple[int | None, PathLike]],
+    options: SimplifyOptions,
+    threads: int | None,
+    progress: ProgressSink | None,
+) -> tuple[Mesh, MeshFileMaterials, ReducedMesh | None]:
+    """Read a mesh, or what is left of one that is too large for memory."""
+    from texbake.jobs.mesh_output import MeshFileMaterials, read_with_materials
+    from texbake.mesh.streamed.mesh import StreamedMesh
+    from texbake.mesh.streamed.reduction import MOST_IN_MEMORY, ReducedMesh
+    from texbake.mesh.streamed.source import open_source
+    from texbake.progress import Stages
+
+    limit, most = options.max_memory, MOST_IN_MEMORY
+    if limit is not None:
+        most = min(most, max(int(memory_left(limit, PROCESS) // _FACE), 0))
+    counts = [count for count, _ in levels if count is not None]
+    # A triangle takes at least 8 bytes of a file. An error is measured on the mesh itself.
+    if options.error is None and counts and _file_size(path) > 8 * most:
+        source = open_source(path)
+        if source is not None and source.n_rows > most and not source.has_uvs:
+            with Stages(progress).stage(f"reduce {Path(path).name} in pieces"):
+                reduced = ReducedMesh.of(
+                    StreamedMesh.open(source, threads=threads), max(counts), threads=threads
+                )
+            if reduced is not None:
+                return reduced.mesh, MeshFileMaterials.read(path, reduced.mesh), reduced
+    return *read_with_materials(path, progress), None
+
+
+def _file_size(path: PathLike) -> int:
+    return Path(path).stat().st_size if Path(path).is_file() else 0
+
+
 def _level(
     high: Mesh,
+    source: ReducedMesh | None,
     materials: MeshFileMaterials,
     count: int | None,
     output: PathLike,
@@ -145,6 +183,7 @@ def _level(
         error=options.error,
         quality=options.quality,
         seams=options.seams,
+        source=source,
         threads=threads,
         progress=progress,
     )
@@ -154,7 +193,7 @@ def _level(
             low, figures = simplify_with_report(
                 wrap, count, quality="best", threads=threads, progress=progress
             )
-            figures = measured_to(figures, high, low, threads=threads)
+            figures = measured_to(figures, source or high, low, threads=threads)
             figures = replace(figures, notes=(_CLOSED, *figures.notes))
             low = object_by_object(with_nearest_attributes(low, given, threads))
         remedy = _MORE if options.topology == "simplify" else _CLOSE

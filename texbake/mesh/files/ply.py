@@ -40,7 +40,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.weld import split_vertices, unique_corners, values_of_vertices
 
-_UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
+UV_NAMES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 NORMAL_NAMES = ("nx", "ny", "nz")
 COLOR_NAMES = ("red", "green", "blue", "alpha")
 POLYGON_NAMES = ("vertex_indices", "vertex_index")
@@ -83,7 +83,7 @@ def read_ply(path: PathLike) -> Mesh:
         fields = {"faces": _strip_faces(path, polygons[name])}
     faces = fields["faces"]
     for values, corners, names in (
-        *(("uvs", "uv_faces", names) for names in _UV_NAMES),
+        *(("uvs", "uv_faces", names) for names in UV_NAMES),
         ("normals", "normal_faces", NORMAL_NAMES),
     ):
         if values not in fields and (stacked := stack_columns(vertices, names)) is not None:
@@ -232,7 +232,7 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
     columns = _narrow_columns(mesh.positions[sources], ("x", "y", "z"))
     for values, ids, names in (
         (mesh.normals, mesh.normal_faces, NORMAL_NAMES),
-        (mesh.uvs, mesh.uv_faces, _UV_NAMES[0]),
+        (mesh.uvs, mesh.uv_faces, UV_NAMES[0]),
     ):
         if values is not None and ids is not None:
             columns += _narrow_columns(values_of_vertices(values, ids, corners), names)

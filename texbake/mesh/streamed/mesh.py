@@ -86,6 +86,23 @@ class StreamedMesh:
             yield Chunk(first, positions, faces, _bounds(positions, faces, threads))
             first += len(faces)
 
+    def pieces(self, n_faces: int) -> Iterator[Mesh]:
+        """Yield all triangles, in meshes of `n_faces` with the normals and colors of the file."""
+        for faces in _regrouped(self._source.blocks(self._threads), n_faces):
+            yield self._piece(faces)[0]
+
+    def _piece(self, faces: IntArray) -> tuple[Mesh, IntArray]:
+        """Return some triangles, and (V,) int32: which vertices of the file their positions are."""
+        vertices = self._source.vertices
+        marks = Marks.of(faces, vertices.n)
+        fields: dict[str, Any] = self._source.attributes(marks.places)
+        faces = marks.numbers_of(faces, self._threads)
+        if "normals" in fields:
+            fields["normal_faces"] = faces
+        positions = vertices.read(marks.places, self._threads)
+        vertices.file.release()
+        return Mesh(positions=positions, faces=faces, name=self.name, **fields), marks.places
+
     def spread_corners(self, step: int) -> FloatArray:
         """(3 n, 3) float64: the corners of every `step`-th triangle, one triangle after another."""
         points, first = [], 0
@@ -101,20 +118,13 @@ class StreamedMesh:
 
         `face_ids` (n,) int32: in ascending order, each once.
         """
-        vertices = self._source.vertices
-        faces = self._chosen(face_ids)
-        marks = Marks.of(faces, vertices.n)
-        chosen = marks.places
-        fields: dict[str, Any] = self._source.attributes(chosen)
-        faces = marks.numbers_of(faces, self._threads)
-        if "normals" in fields:
-            fields["normal_faces"] = faces
-            missing = (fields["normals"] == 0.0).all(axis=1)
-            if missing.any():
-                fields["normals"][missing] = self.smooth_normals(chosen[missing])
-        positions = vertices.read(chosen, self._threads)
-        vertices.file.release()
-        return MeshPart(Mesh(positions=positions, faces=faces, name=self.name, **fields), chosen)
+        mesh, vertices = self._piece(self._chosen(face_ids))
+        if mesh.normals is not None:
+            missing = (mesh.normals == 0.0).all(axis=1)
+            normals = mesh.normals.copy()
+            normals[missing] = self.smooth_normals(vertices[missing]) if missing.any() else 0.0
+            mesh = mesh.replace(normals=normals)
+        return MeshPart(mesh, vertices)
 
     def _chosen(self, face_ids: IntArray) -> IntArray:
         """(n, 3) int32 vertices of some triangles."""

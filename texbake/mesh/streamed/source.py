@@ -204,6 +204,7 @@ class MeshSource:
     blocks: Callable[[int | None], Iterator[IntArray]]
     # Returns the normals and colors, (n, 3), of some vertices, by name; empty without any.
     attributes: Callable[[IntArray], dict[str, npt.NDArray[Any]]]
+    has_uvs: bool = False  # which are not read
 
 
 def open_source(path: PathLike) -> MeshSource | None:
@@ -242,6 +243,7 @@ def _open_ply(path: Path) -> MeshSource | None:
         faces[0].n_rows,
         lambda threads: _ply_blocks(vertices, end, faces[0], header, threads),
         lambda chosen: _ply_attributes(path, columns, element, chosen),
+        any(set(names) <= columns.keys() for names in ply.UV_NAMES),
     )
 
 
