@@ -84,6 +84,9 @@ def test_every_map_comes_back_within_half_a_step(every, tmp_path, suffix, bits):
         image = read_image(path, color=False)
         assert (written.bits, written.n_clipped) == (bits, 0)
         assert image.metadata == written.metadata, name
+        without = replace(item, options=replace(item.options, bits=bits)).as_read(path)
+        np.testing.assert_array_equal(without.pixels, image.pixels)
+        assert replace(without, pixels=image.pixels) == image
         values, step = decoded(item, image, 32 if is_float else bits)
         expected, tolerance = item.values.astype(np.float64), 4e-6
         if is_float:

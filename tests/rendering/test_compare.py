@@ -8,6 +8,7 @@ from skimage.metrics import structural_similarity
 from tests.models import PAIRS, pair
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
+from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.normals import with_flat_normals
@@ -47,6 +48,31 @@ def test_the_similarity_is_that_of_scikit_image(shape: tuple[int, ...], window: 
     )
     found = structural_similarities(first, second, window)
     assert found.dtype == np.float32 and np.abs(found - expected).max() < 1e-6
+
+
+def test_angles_are_those_of_vectors_of_any_length():
+    random = np.random.default_rng(2)
+    shape = (40, 30, 3)
+    first = random.normal(size=shape)
+    # Columns: from equal vectors to independent ones, then opposite ones, and none at all.
+    second = first + 10.0 ** np.linspace(-30.0, 0.0, 30)[:, None] * random.normal(size=shape)
+    second[:, 25:27] = -first[:, 25:27]
+    second[:, 28:] = 0.0
+    first, second = (
+        np.float32(v / np.maximum(np.linalg.norm(v, axis=2, keepdims=True), 1e-9))
+        for v in (first, second)
+    )
+    first[:, 29] = 0.0
+    depths, covered = np.ones(shape[:2], np.float32), np.ones(shape[:2], np.float32)
+    angles, counts = np.empty(shape[:2], np.float32), np.empty((len(first), 2), np.int64)
+    core.measure_angles(
+        first, second, depths, depths, covered, covered, 0.0, angles, counts, 0, len(first)
+    )
+    one, other = first.astype(np.float64), second.astype(np.float64)
+    chords = [pm.norm(v, axis=2) for v in (one - other, one + other)]
+    np.testing.assert_array_equal(angles, np.float32(np.degrees(2.0 * pm.arctan2(*chords))))
+    assert (angles[:, 0] == 0.0).all() and (angles[:, 25:27] == 180.0).all()
+    assert (counts == shape[1]).all()
 
 
 def test_several_surfaces_are_compared_at_once():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.codings import FLOAT, encode_map, file_bits
+from texbake.baking.codings import FLOAT, EncodedMap, encode_map, file_bits
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
@@ -23,7 +23,7 @@ from texbake.files import PathLike, make_folder
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.metadata import Value
-from texbake.texture.image import read_image, write_image
+from texbake.texture.image import Image, image_as_read, read_image, write_image
 from texbake.texture.image_formats import holds_floats
 from texbake.texture.png_files import picture_png
 from texbake.texture.value_range import channel_ranges
@@ -97,19 +97,27 @@ class BakedMap:
             "scale": scale,
         }
         changes = {name: value for name, value in changes.items() if value is not None}
-        options = replace(self.options, **changes)
-        bits = file_bits(self.kind, path, options.bits, len(self.legend))
-        code_bits = FLOAT if holds_floats(path, bits) else bits
-        coded = encode_map(replace(self, options=options), code_bits)
-        write_image(
-            coded.pixels,
-            path,
-            color=self.kind.coding == "color",
-            bits=bits,
-            metadata=coded.metadata,
-            threads=self.options.threads,
-        )
+        changed = replace(self, options=replace(self.options, **changes))
+        bits, coded, rest = changed._coded(path)
+        write_image(coded.pixels, path, **rest)
         return WrittenMap(Path(path), bits, coded.metadata, coded.n_clipped)
+
+    def as_read(self, path: PathLike) -> Image:
+        """Return what `read_image` reads, as data, from the file that `write` writes."""
+        _, coded, rest = self._coded(path)
+        return image_as_read(coded.pixels, path, **rest)
+
+    def _coded(self, path: PathLike) -> tuple[int, EncodedMap, dict[str, Any]]:
+        """Return the map encoded for a file, with its bits, and other arguments to write it."""
+        bits = file_bits(self.kind, path, self.options.bits, len(self.legend))
+        coded = encode_map(self, FLOAT if holds_floats(path, bits) else bits)
+        rest = {
+            "color": self.kind.coding == "color",
+            "bits": bits,
+            "metadata": coded.metadata,
+            "threads": self.options.threads,
+        }
+        return bits, coded, rest
 
 
 @dataclass(frozen=True, eq=False, repr=False)

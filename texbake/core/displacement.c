@@ -61,6 +61,31 @@ EXPORT int64_t move_vertices(
     return 0;
 }
 
+/* Leave out places that equal the last one of the same vertex: both sides of an edge inside a base
+   triangle are one place, and the mean of two equal values is that value. Return how many are left. */
+EXPORT int64_t drop_repeated_places(
+    int64_t n, int64_t n_vertices, int32_t vertices[n], int32_t base_faces[n], float weights[n][2])
+{
+    OPEN_ARENA(arena);
+    int32_t *last = TAKE(arena, int32_t, n_vertices);
+    for (int64_t i = 0; i < n_vertices; i++)
+        last[i] = -1;
+    int64_t n_kept = 0;
+    for (int64_t i = 0; i < n; i++) {
+        const int32_t at = last[vertices[i]];
+        if (at >= 0 && base_faces[at] == base_faces[i] && weights[at][0] == weights[i][0]
+            && weights[at][1] == weights[i][1])
+            continue;
+        last[vertices[i]] = (int32_t)n_kept;
+        vertices[n_kept] = vertices[i];
+        base_faces[n_kept] = base_faces[i];
+        weights[n_kept][0] = weights[i][0];
+        weights[n_kept++][1] = weights[i][1];
+    }
+    close_arena(arena);
+    return n_kept;
+}
+
 /* Raise the length of each edge, in texels, to the maximum over triangles not outside. Without
    `corners`, the base triangles on the map, there is no limit to the detail. */
 EXPORT void measure_texel_lengths(

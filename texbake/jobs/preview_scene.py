@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from texbake.core import core
 from texbake.errors import OptionError, counted
 from texbake.files import PathLike
 from texbake.mesh.compose import join_meshes
@@ -223,22 +224,22 @@ def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
     ids = frame.face_ids[frame.face_ids >= 0]
     if any(item.material.displacement is not None for item in scene.objects) or not len(ids):
         return 0.0
-    meshes = [outline(item) for item in scene.objects]
-    counts = np.bincount(ids, minlength=sum(mesh.n_faces for mesh in meshes))
     n_backs, first = 0, 0
-    for mesh in meshes:
-        here = counts[first : first + mesh.n_faces]
-        seen = np.flatnonzero(here).astype(np.int32)
-        n_backs += int(here[seen[_facing(mesh, seen, camera) < 0.0]].sum())
+    for mesh in map(outline, scene.objects):
+        own = ids[(ids >= first) & (ids < first + mesh.n_faces)] - np.int32(first)
+        n_backs += int(np.count_nonzero(_facing(mesh, own, camera) < 0.0))
         first += mesh.n_faces
     return n_backs / len(ids)
 
 
-def _facing(mesh: Mesh, faces: IntArray | slice, camera: Camera) -> FloatArray:
-    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 edge-on."""
-    corners = mesh.positions[mesh.faces[faces]] - camera.eye
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return np.asarray(-(normals * corners[:, 0]).sum(axis=1))
+def _facing(mesh: Mesh, faces: IntArray, camera: Camera) -> FloatArray:
+    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 edge-on.
+
+    Kernel: `core/framing.c`.
+    """
+    facing = np.empty(len(faces))
+    core.measure_facing(mesh.positions, mesh.faces, faces, camera.eye, facing)
+    return facing
 
 
 def _one_color(scene: Scene, options: RenderOptions, frame: Frame, camera: Camera) -> str:
@@ -268,7 +269,10 @@ def _why_nothing(scene: Scene, options: RenderOptions, camera: Camera) -> str:
     shown = [item for item in scene.objects if item.visible and not is_hidden(item.material)]
     if not shown:
         return "all objects are hidden or fully transparent"
-    facing = [_facing(outline(item), slice(None), camera) for item in shown]
+    facing = [
+        _facing(mesh, np.arange(mesh.n_faces, dtype=np.int32), camera)
+        for mesh in (outline(item) for item in shown)
+    ]
     if not any(side.any() for side in facing):
         return "every triangle is seen edge-on or has no area; choose another --view"
     culls = [

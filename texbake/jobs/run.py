@@ -25,7 +25,6 @@ from texbake.files import (
     make_folder,
     replacing,
     scratch_folder,
-    written_file,
 )
 from texbake.jobs.comparison import comparison_warnings
 from texbake.jobs.fit import with_diagnosis
@@ -216,7 +215,7 @@ def run(
     comparison = None
     if options.compare != "off":
         with stages.part("compare"):
-            comparison = _compared(high, low, materials, files, options, progress)
+            comparison = _compared(high, low, baked, materials, files, options, progress)
     result = RunResult(
         files=files,
         high=high,
@@ -288,26 +287,29 @@ def _write_materials(
 def _compared(
     high: Mesh,
     low: Mesh,
+    baked: BakeResult,
     materials: Materials | None,
     files: dict[str, Path],
     options: RunOptions,
     progress: ProgressSink | None,
 ) -> Comparison:
-    """Compare with the written maps, and write both pictures."""
+    """Compare with the maps as their files hold them, and write both pictures."""
     full = options.compare == "full"
+    shown = ("normal", "displacement") if full else ("normal",)
+    maps = {name: baked.maps[name].as_read(files[name]) for name in shown}
     comparison = compare(
         high,
         low,
-        normal_map=written_file(files["normal"]),
-        displacement=written_file(files["displacement"]) if full else None,
+        normal_map=maps["normal"],
+        displacement=maps.get("displacement"),
         high_materials=materials,
         options=options.render_options(),
         quick=not full,
         threads=options.threads,
         progress=progress,
     )
-    write_image(comparison.side_by_side(difference=False), files["preview"], color=True)
-    write_image(comparison.side_by_side(), files["compare"], color=True)
+    for name, sheet in zip(_PICTURES, comparison.sheets(), strict=True):
+        write_image(sheet, files[name], color=True, threads=options.threads)
     return comparison
 
 

@@ -106,8 +106,7 @@ def mesh_info(mesh: MeshLike) -> MeshInfo:
     without_area, repeated = degenerate_faces(mesh), duplicate_faces(faces)
     is_surface = ~(without_area | repeated)
     surface = edges if is_surface.all() else find_edges(faces[is_surface])
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.faces.ravel()] = True
+    used = mesh.used_vertices
     low, high = mesh.bounds.tolist()
     return MeshInfo(
         name=mesh.name,

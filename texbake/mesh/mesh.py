@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, MeshError, UvError, quoted
 from texbake.files import PathLike
 
@@ -171,11 +171,22 @@ class Mesh:
         return int(np.count_nonzero(numbers))
 
     @cached_property
+    def used_vertices(self) -> npt.NDArray[np.bool_]:
+        """(V,) bool: vertices that faces use. Kernel: `core/framing.c`."""
+        used = np.zeros(self.n_vertices, np.bool_)
+        core.mark_used_vertices(self.faces, used)
+        return frozen(used)
+
+    @property
+    def used_positions(self) -> FloatArray:
+        """(n, 3) float64: the positions that faces use."""
+        used = self.used_vertices
+        return self.positions if used.all() else self.positions[used]
+
+    @cached_property
     def bounds(self) -> FloatArray:
         """(2, 3) float64: least and greatest coordinates of the positions that faces use."""
-        used = np.zeros(len(self.positions), dtype=bool)
-        used[self.faces.ravel()] = True
-        points = self.positions if used.all() else self.positions[used]
+        points = self.used_positions
         # Column by column: numpy is several times slower along the first axis of a narrow array.
         columns = [points[:, axis] for axis in range(3)]
         return frozen(np.array([[c.min() for c in columns], [c.max() for c in columns]]))

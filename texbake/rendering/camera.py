@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.parallel import run_bands
@@ -112,7 +112,7 @@ class Camera:
         center = 0.5 * low + 0.5 * high
         squared = 0.0
         for mesh in meshes:
-            offsets = used_positions(mesh) - center
+            offsets = mesh.used_positions - center
             squared = max(squared, float(pm.vecdot(offsets, offsets).max()))
         if not math.isfinite(squared):
             raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
@@ -188,13 +188,6 @@ def _unit(vector: FloatArray) -> FloatArray | None:
     return np.asarray(scaled / pm.norm(scaled))
 
 
-def used_positions(mesh: Mesh) -> FloatArray:
-    """(n, 3) float64: the positions of a mesh that its faces use."""
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.faces.ravel()] = True
-    return mesh.positions if used.all() else mesh.positions[used]
-
-
 # Share of the picture's width or height that the surfaces fill.
 _FILL = 0.9
 # Least distance of the eye from the middle, in radii, so that perspective does not exaggerate.
@@ -208,21 +201,21 @@ _STRAY_SIZE = 8.0
 # How many triangles are sampled to find the box around most of the area.
 _SAMPLES = 1 << 13
 # Points per band.
-_BAND = 1 << 14
+_BAND = 1 << 16
 
 
 def fill_picture(meshes: Sequence[Mesh], options: RenderOptions) -> tuple[Camera, int]:
     """Camera that fills the picture, and how many triangles it leaves out as they lie far away."""
     kept = _without_strays(meshes)
     n_strays = sum(mesh.n_faces for mesh in meshes) - sum(mesh.n_faces for mesh in kept)
-    camera = _fit_camera([used_positions(mesh) for mesh in kept], options)
+    camera = _fit_camera(kept, options)
     if camera is None:
         raise MeshError(f"{meshes[0].name}: it is too large to render; scale it down")
     return camera, n_strays
 
 
-def _fit_camera(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera | None:
-    """Return the camera whose picture the points fill; None if they are too large for float64."""
+def _fit_camera(meshes: Sequence[Mesh], options: RenderOptions) -> Camera | None:
+    """Return the camera whose picture meshes fill; None if they are too large for float64."""
     axes = view_axes(*(math.radians(angle) for angle in options.view[:2]), up=options.up)
     right, up, back = axes
     tall = _FILL * pm.tan(math.radians(options.fov) / 2)
@@ -230,7 +223,7 @@ def _fit_camera(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera 
     # A point (x, y, z) along the axes is in the picture of an eye at (X, Y, Z) if
     # x + wide z <= X + wide Z and -x + wide z <= -X + wide Z, and likewise for y.
     sides = [right + wide * back, -right + wide * back, up + tall * back, -up + tall * back]
-    reach = _extremes(clouds, np.stack([*sides, *axes, *-axes]))
+    reach = _extremes(meshes, np.stack([*sides, *axes, *-axes]))
     low, high = -reach[7:], reach[4:7]
     radius = 0.5 * _diagonal(np.stack([low, high])) or 1.0
     if not math.isfinite(radius) or not np.isfinite(reach).all():
@@ -250,19 +243,18 @@ def _fit_camera(clouds: Sequence[FloatArray], options: RenderOptions) -> Camera 
     )
 
 
-def _extremes(clouds: Sequence[FloatArray], directions: FloatArray) -> FloatArray:
+def _extremes(meshes: Sequence[Mesh], directions: FloatArray) -> FloatArray:
     """(D,) float64: the greatest dot product of any point with each direction."""
-    found = []
-    for points in clouds:
-        extremes = np.empty((-(-len(points) // _BAND), len(directions)))
+    found, columns = [], np.ascontiguousarray(directions.T)
+    for mesh in meshes:
+        extremes = np.empty((-(-mesh.n_vertices // _BAND), len(directions)))
 
-        def work(
-            start: int, stop: int, points: FloatArray = points, extremes: FloatArray = extremes
-        ) -> None:
-            heights = pm.matmul(points[start:stop], directions.T)
-            extremes[start // _BAND] = heights.max(axis=0)
+        def work(start: int, stop: int, mesh: Mesh = mesh, out: FloatArray = extremes) -> None:
+            core.find_extremes(
+                mesh.positions, mesh.used_vertices, columns, start // _BAND, out, start, stop
+            )
 
-        run_bands(work, len(points), band=_BAND)
+        run_bands(work, mesh.n_vertices, band=_BAND)
         found.append(extremes.max(axis=0))
     return np.asarray(np.max(found, axis=0))
 

@@ -2,6 +2,8 @@
 
 Based on: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
 structural similarity", IEEE TIP 13(4), 2004, for SSIM.
+
+Kernel: `core/picture_closeness.c`.
 """
 
 from __future__ import annotations
@@ -9,13 +11,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
+from texbake.parallel import run_bands
 from texbake.rendering.resolve import Frame
 from texbake.texture.image import FloatImage
+
+# Rows of pixels per band.
+_BAND = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,19 +65,19 @@ class ViewErrors:
     n_both: int
 
 
-def view_errors(high: Frame, low: Frame, depth_tolerance: float) -> ViewErrors:
+def view_errors(
+    high: Frame, low: Frame, depth_tolerance: float, *, threads: int | None = None
+) -> ViewErrors:
     """Angles between the normals of two frames; NaN where different parts are seen."""
-    either, both = (
-        combine(high.coverage > 0, low.coverage > 0) for combine in (np.logical_or, np.logical_and)
-    )
-    same = both.copy()
-    same[both] = np.abs(high.depths[both] - low.depths[both]) <= depth_tolerance
-    first, second = high.normals[same].astype(np.float64), low.normals[same].astype(np.float64)
-    # From the chord length, which is accurate for small angles where the arc cosine is not.
-    apart = pm.norm(first - second, axis=1)
-    angles = np.full(same.shape, np.nan, np.float32)
-    angles[same] = np.degrees(2.0 * pm.arctan2(apart, pm.norm(first + second, axis=1)))
-    return ViewErrors(angles, int(np.count_nonzero(either)), int(np.count_nonzero(both)))
+    angles = np.empty(high.coverage.shape, np.float32)
+    counts = np.empty((high.height, 2), np.int64)
+    kernel = partial(
+        core.measure_angles, high.normals, low.normals, high.depths, low.depths, high.coverage,
+        low.coverage, depth_tolerance, angles, counts,
+    )  # fmt: skip
+    run_bands(kernel, high.height, band=_BAND, threads=threads)
+    n_either, n_both = counts.sum(axis=0).tolist()
+    return ViewErrors(angles, n_either, n_both)
 
 
 # A picture (H, W, 3), sRGB-coded, and the pixels (H, W) that its mesh touches.
@@ -78,7 +85,12 @@ Picture = tuple[FloatImage, npt.NDArray[np.bool_]]
 
 
 def measure_closeness(
-    errors: Sequence[ViewErrors], high: Picture, low: Picture, *, ssim: bool
+    errors: Sequence[ViewErrors],
+    high: Picture,
+    low: Picture,
+    *,
+    ssim: bool,
+    threads: int | None = None,
 ) -> Closeness:
     """Sum up the errors of all views, and compare the two pictures of one of them."""
     found = [error.angles[np.isfinite(error.angles)] for error in errors]
@@ -98,51 +110,41 @@ def measure_closeness(
         median_deg=float(median),
         p95_deg=float(p95),
         psnr_db=-10.0 * pm.log10(square) if square else math.inf,
-        ssim=_similarity(high_color, low_color, seen) if ssim else None,
+        ssim=_similarity(high_color, low_color, seen, threads) if ssim else None,
         outline_mismatch=sum(error.n_either - error.n_both for error in errors) / n_either,
         depth_mismatch=(n_both - len(angles)) / n_either,
         n_pixels=len(angles),
     )
 
 
-def _similarity(first: FloatImage, second: FloatImage, seen: npt.NDArray[np.bool_]) -> float:
+def _similarity(
+    first: FloatImage, second: FloatImage, seen: npt.NDArray[np.bool_], threads: int | None
+) -> float:
     """Mean SSIM over the pixels that either mesh touches; NaN for pictures that are too small."""
     if np.array_equal(first[seen], second[seen]):
         return 1.0
     window = min(7, *(side - 1 + side % 2 for side in seen.shape))
     if window < 3:
         return math.nan
-    return float(structural_similarities(first, second, window)[seen].mean())
+    return float(structural_similarities(first, second, window, threads=threads)[seen].mean())
 
 
 # The constants of the paper for values from 0 to 1.
 _C1, _C2 = 0.01**2, 0.03**2
 
 
-def structural_similarities(first: FloatImage, second: FloatImage, window: int) -> FloatImage:
+def structural_similarities(
+    first: FloatImage, second: FloatImage, window: int, *, threads: int | None = None
+) -> FloatImage:
     """SSIM (H, W, C) of the windows around each pixel of two pictures (H, W, C), of 0 to 1.
 
-    `window` is odd, in pixels. Variances are those of samples.
+    `window` is odd, in pixels, and no larger than the pictures, whose pixels are mirrored at their
+    edges. Variances are those of samples.
     """
-    found = []
-    for x, y in zip(np.moveaxis(first, 2, 0), np.moveaxis(second, 2, 0), strict=True):
-        products = (x, y, x * x, y * y, x * y)
-        mean_x, mean_y, xx, yy, xy = (_window_means(values, window) for values in products)
-        unbiased = window**2 / (window**2 - 1)
-        variances = unbiased * (xx - mean_x * mean_x) + unbiased * (yy - mean_y * mean_y)
-        covariance = unbiased * (xy - mean_x * mean_y)
-        alike = (2 * mean_x * mean_y + _C1) * (2 * covariance + _C2)
-        found.append(alike / ((mean_x**2 + mean_y**2 + _C1) * (variances + _C2)))
-    return np.stack(found, axis=2)
-
-
-def _window_means(values: FloatImage, window: int) -> FloatImage:
-    """Means over windows around the pixels of (H, W); pixels beyond an edge mirror those inside."""
-    means = np.pad(values, window // 2, "symmetric")
-    for _ in range(2):
-        wide = means.astype(np.float64)
-        sums = np.zeros_like(wide[window - 1 :])
-        for i in range(window):
-            sums += wide[i : i + len(sums)]
-        means = (sums / window).astype(np.float32).T
-    return means
+    similar = np.empty(first.shape, np.float32)
+    kernel = partial(
+        core.compare_structures, first, second, window, window**2 / (window**2 - 1), _C1, _C2,
+        similar,
+    )  # fmt: skip
+    run_bands(kernel, len(first), band=_BAND, threads=threads)
+    return similar

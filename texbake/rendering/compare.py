@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
@@ -21,13 +22,14 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.topology import surface_side
+from texbake.parallel import resolve_threads, run_bands
 from texbake.progress import ProgressSink, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.closeness import Closeness, ViewErrors, measure_closeness, view_errors
-from texbake.rendering.draw import Prepared, draw, prepare, without_light
+from texbake.rendering.draw import Prepared, draw, prepare, share_images, without_light
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.panels import Panel, color_angles, side_by_side
+from texbake.rendering.panels import Panel, color_angles, sheets, side_by_side
 from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.scene import Scene
 from texbake.rendering.studio import studio_scene
@@ -98,11 +100,18 @@ class Comparison:
         """(H, W, 3) float32: the angles as linear colors; gray where they are NaN."""
         return color_angles(self.angles_deg)
 
-    def side_by_side(self, *, difference: bool = True) -> FloatImage:
+    def side_by_side(self) -> FloatImage:
         """(H', W', 3) float32: the pictures with captions, in linear light, and their difference.
 
         The difference is between the high-poly mesh and the low-poly mesh with the maps in `maps`.
         """
+        return side_by_side(*self._panels())
+
+    def sheets(self) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+        """Return sRGB codes of `side_by_side`: (H', W'', 3) without the difference, and of all."""
+        return sheets(*self._panels())
+
+    def _panels(self) -> tuple[list[Panel], npt.NDArray[np.bool_]]:
         shown: list[tuple[Frame, str, Closeness | None]] = [
             (self.high_frame, self.names[0], None),
             (self.bare_frame, self.names[1], self.bare),
@@ -116,10 +125,9 @@ class Comparison:
         for frame, caption, close in shown:
             note = "" if close is None else f"normals off by {close.mean_deg:.2f}° in the mean"
             panels.append(Panel(frame.color, caption, note))
-        if difference:
-            panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
+        panels.append(Panel(self.difference(), "Difference of normals", "", legend=True))
         seen = np.logical_or.reduce([frame.coverage > 0 for frame, _, _ in shown])
-        return side_by_side(panels, seen)
+        return panels, seen
 
 
 def compare(
@@ -195,7 +203,7 @@ def compare(
         sphere = Camera.sphere_around(high, low)
 
     with stages.stage("pictures"):
-        frames, pictured = _draw_models(models, (high, low), sphere, options)
+        frames, pictured = _draw_models(models, (high, low), sphere, options, at_once=False)
     errors = [pictured]
     if not quick:
         with stages.stage("angles", total=len(views), unit="views") as advance:
@@ -208,7 +216,7 @@ def compare(
     with stages.stage("similarity"):
         seen = [(encode_srgb(frame.color[..., :3]), frame.coverage > 0) for frame in frames]
         bare, *others = (
-            measure_closeness(found, seen[0], low, ssim=not quick)
+            measure_closeness(found, seen[0], low, ssim=not quick, threads=threads)
             for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
         )
     mapped = min(1, len(others))
@@ -260,13 +268,30 @@ def _draw_models(
     meshes: tuple[Mesh, ...],
     sphere: tuple[FloatArray, float],
     options: RenderOptions,
+    *,
+    at_once: bool = True,
 ) -> tuple[list[Frame], list[ViewErrors]]:
-    """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses."""
+    """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses.
+
+    Not `at_once`, so that each use has the images that the one before it has read.
+    """
     camera = Camera.framing_sphere(*sphere, options)
-    frames = [draw(replace(model, options=options), camera, keep=("normals",)) for model in models]
+    threads = resolve_threads(models[0].threads)
+    for_each = max(1, 2 * threads // len(models)) if at_once else threads
+    frames: dict[int, Frame] = {}
+
+    def work(first: int, stop: int) -> None:
+        for i in range(first, stop):
+            if not at_once and i > 1:
+                share_images(models[i - 1], models[i])
+            model = replace(models[i], options=options, threads=for_each)
+            frames[i] = draw(model, camera, keep=("normals",))
+
+    run_bands(work, len(models), band=1, threads=threads if at_once else 1)
     bounds = np.concatenate([mesh.bounds for mesh in meshes])
     tolerance = _SAME_PART * float(pm.norm(bounds.max(axis=0) - bounds.min(axis=0)))
-    return frames, [view_errors(frames[0], frame, tolerance) for frame in frames[1:]]
+    high, *lows = (frames[i] for i in range(len(models)))
+    return [high, *lows], [view_errors(high, low, tolerance, threads=threads) for low in lows]
 
 
 def _uses(maps: dict[str, Any]) -> list[dict[str, Any]]:

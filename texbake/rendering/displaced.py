@@ -86,7 +86,7 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Positions of vertices on base triangles; a vertex on an edge has one place per triangle."""
+    """Positions of vertices on base triangles; one on an edge of these has one place for each."""
 
     vertices: IntArray  # (S,): vertex at each place, counted from the first new one
     base_faces: IntArray  # (S,)
@@ -131,8 +131,13 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
     too_long = np.flatnonzero(wanted)
     room = most - len(pieces.faces)
-    if core.close_marks(pieces.faces, pieces.face_edges, points, wanted) <= room:
+    # Each cut edge adds a triangle or more.
+    is_enough = len(too_long) <= room
+    if is_enough and core.close_marks(pieces.faces, pieces.face_edges, points, wanted) <= room:
         return wanted
+    if 0 < room < len(too_long):
+        least = np.sort(excess[too_long])[-room]
+        too_long = too_long[excess[too_long] >= least]
     n_faces = np.bincount(pieces.face_edges.reshape(-1), minlength=len(pieces.ends))
     longest = too_long[np.argsort(-excess[too_long], kind="stable")]
     kept = np.zeros_like(wanted)
@@ -177,6 +182,12 @@ def cut(
         places.vertices, places.base_faces, places.weights,
     )  # fmt: skip
     run_bands(kernel, len(pieces.faces), band=_CUT_BAND, threads=threads)
+    n_kept = core.drop_repeated_places(n_marked, places.vertices, places.base_faces, places.weights)
+    places = Places(
+        vertices=places.vertices[:n_kept],
+        base_faces=places.base_faces[:n_kept],
+        weights=places.weights[:n_kept],
+    )
     return finer, pieces.ends[marked], places
 
 
@@ -225,6 +236,8 @@ def displaced(
         pieces, points, normals, _move_vertices(surface, points, normals, places, moves)
     )
     for _ in range(MOST_CUTS):
+        if len(pieces.faces) >= max_triangles:
+            break
         marked = edges_to_cut(pieces, excess(now), now.points, max_triangles)
         if not marked.any():
             break

@@ -23,6 +23,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.effects.environment import OF_ENVIRONMENT
+from texbake.rendering.effects.images import IMAGES
 from texbake.rendering.effects.surfaces import displace_object, place_object
 from texbake.rendering.effects.transparency import peel_layers
 from texbake.rendering.options import RenderOptions
@@ -103,6 +104,11 @@ def prepare(
 def share_environment(drawn: Prepared, other: Prepared) -> None:
     """Let a scene use what another with the same environment has computed of it."""
     other.loaded.results.add_missing(drawn.loaded.results.copy(only=OF_ENVIRONMENT))
+
+
+def share_images(drawn: Prepared, other: Prepared) -> None:
+    """Let a scene use the images of another whose objects have the same ones."""
+    other.loaded.results.add_missing(drawn.loaded.results.copy(only=(IMAGES.load,)))
 
 
 def relight(prepared: Prepared, scene: Scene) -> Prepared:

@@ -61,6 +61,17 @@ def color_angles(angles_deg: FloatImage) -> FloatImage:
 
 def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatImage:
     """(H', W', 3): pictures in a row, in linear light, cropped to the pixels that are seen."""
+    levels = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
+    return np.asarray(levels[sheets(panels, seen)[-1]])
+
+
+def sheets(
+    panels: Sequence[Panel], seen: npt.NDArray[np.bool_]
+) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+    """(H', W'', 3) and (H', W', 3): sRGB codes of all pictures but the last in a row, and of all.
+
+    They are cropped to the pixels that are seen.
+    """
     from PIL import Image, ImageDraw
 
     rows, columns = _crop(seen)
@@ -69,29 +80,26 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
     size = max(12, round(width / 26))
     margin, line = size // 2, round(size * 1.6)
     panel_width = max(width, 12 * size)
-    sheet = Image.new(
-        "RGB",
-        (len(panels) * (panel_width + margin) + margin, height + 2 * line + 2 * margin),
-        _PAPER,
-    )
-    draw = ImageDraw.Draw(sheet)
+    step = panel_width + margin
+    whole = Image.new("RGB", (len(panels) * step + margin, height + 2 * line + 2 * margin), _PAPER)
+    draw = ImageDraw.Draw(whole)
     paper = decode_srgb(np.array(_PAPER) / 255.0)
     for i, panel in enumerate(panels):
-        left = margin + i * (panel_width + margin)
+        left = margin + i * step
         shown = panel.color[rows, columns]
         if shown.shape[2] == 4:
             opacity = shown[..., 3:]
             shown = (shown[..., :3] * opacity + paper * (1.0 - opacity)).astype(np.float32)
         codes = np.rint(encode_srgb(shown) * 255).astype(np.uint8)
-        sheet.paste(Image.fromarray(codes), (left + (panel_width - width) // 2, margin))
+        whole.paste(Image.fromarray(codes), (left + (panel_width - width) // 2, margin))
         below = height + margin + size // 3
         _text(draw, left, below, panel.caption, size, _INK, panel_width)
         if panel.legend:
             _legend(draw, left, below + line, size, panel_width)
         else:
             _text(draw, left, below + line, panel.note, size, _FAINT, panel_width)
-    levels = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
-    return np.asarray(levels[np.asarray(sheet)])
+    codes = np.asarray(whole)
+    return codes[:, :-step], codes
 
 
 def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
@@ -130,8 +138,9 @@ def _legend(draw: ImageDraw, left: int, top: int, size: int, room: int) -> None:
     """Draw the scale of angles from 0 to `MAX_ANGLE_DEG`, with both ends labeled."""
     start = left + 2 * size
     stop = left + min(room, 16 * size) - 4 * size
-    for x in range(start, stop):
-        color = tuple(round(255 * c) for c in _ramp(np.array((x - start) / (stop - 1 - start))))
+    colors = _ramp(np.arange(stop - start) / (stop - 1 - start)).tolist()
+    for x, ramp in zip(range(start, stop), colors, strict=True):
+        color = tuple(round(255 * c) for c in ramp)
         draw.line([(x, top + size // 6), (x, top + size)], fill=color)
     _text(draw, left, top, "0°", size, _FAINT, 2 * size)
     _text(draw, stop + size // 2, top, f"{MAX_ANGLE_DEG:.0f}°", size, _FAINT, 4 * size)

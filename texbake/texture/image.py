@@ -172,15 +172,34 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
     if not isinstance(color, bool | np.bool_):
         raise OptionError(f"color: {quoted(color)} is neither True (sRGB) nor False (data)")
     codes, description = _read_with_openimageio(path)
+    return _image_of(codes, from_description(description), path, color, threads)
+
+
+def image_as_read(
+    pixels: npt.NDArray[Any],
+    path: PathLike,
+    *,
+    color: bool,
+    bits: int,
+    metadata: Mapping[str, Value],
+    threads: int | None = None,
+) -> Image:
+    """Return what `read_image` reads, as data, from a file that `write_image` has written."""
+    stored = _stored(pixels, path, bits, color, threads)
+    return _image_of(stored, dict(metadata), path, False, threads)
+
+
+def _image_of(
+    codes: npt.NDArray[Any],
+    metadata: dict[str, Value],
+    path: PathLike,
+    color: bool,
+    threads: int | None,
+) -> Image:
     is_float = codes.dtype.kind == "f"
-    return Image(
-        pixels=codes.astype(np.float32, copy=False) if is_float else _linear(codes, color, threads),
-        metadata=from_description(description),
-        bits=8 * codes.itemsize,
-        is_float=is_float,
-        name=Path(path).name,
-        is_color=bool(color),
-    )
+    pixels = codes.astype(np.float32, copy=False) if is_float else _linear(codes, color, threads)
+    name = Path(path).name
+    return Image(pixels, metadata, 8 * codes.itemsize, is_float, name, is_color=bool(color))
 
 
 def read_header(path: PathLike) -> ImageHeader:

@@ -96,8 +96,7 @@ def projector(mesh: Mesh, options: UnwrapOptions) -> Projected:
     local = LocalFrame.around(mesh)
     matrix = projector_matrix(mesh, options, local)
     seen_from = seen_from_of(matrix)
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.faces.ravel()] = True
+    used = mesh.used_vertices
     positions = np.zeros((mesh.n_vertices, 3))
     positions[used] = local.to_local(mesh.positions[used])
 

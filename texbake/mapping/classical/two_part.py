@@ -50,8 +50,7 @@ def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
     else:
         center = center_of(mesh, options.center)
     local = points_about(mesh, center, frame)
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    used[mesh.faces.ravel()] = True
+    used = mesh.used_vertices
     # Unused vertices may lie anywhere, but their rays are computed with the rest.
     local = replace(local, points=np.where(used[:, None], local.points, 0.0))
     by_normal = options.via == "surface-normal"
