@@ -145,7 +145,8 @@ class DemoOptions(CheckedOptions):
     faces: int = option(
         DEFAULT_FACES, "Number of triangles of the low-poly mesh.", metavar="N", low=MIN_FACES
     )
-    size: Annotated[Size, option_of(BakeOptions, "size")] = RunOptions.size
+    # As many texels as triangles, and about one for each pixel of the pictures.
+    size: Annotated[Size, option_of(BakeOptions, "size")] = 1024
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
