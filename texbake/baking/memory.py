@@ -54,7 +54,7 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
 
     `n_texels`, `maps`: texels per map, and names of the maps.
     """
-    n_corners = n_high_faces if _SECONDARY.intersection(maps) else min(n_high_faces, 1 << 19)
+    n_corners = n_high_faces if _SECONDARY.intersection(maps) else min(n_high_faces, 1 << 21)
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     faces += CORNERS_FACE * n_corners
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)

@@ -52,6 +52,8 @@ _PARTS_POINTS, _PART_POINTS = 8 * _LOW_POINTS, 2_000
 _FEW = 64
 # Points of the low-poly mesh for each of its faces, where distances are measured vertex by vertex.
 _POINTS_PER_FACE = 4
+# How far rays look for a surface first, in the local frame.
+_NEAR_REACH = 1.0 / 64.0
 # Size of both meshes in model units: float32 holds a ten millionth of it with all its digits, and
 # as many times it as rays are long without overflow.
 _SIZES = (1e-30, 1e37)
@@ -261,8 +263,12 @@ def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit:
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
     field = RayField(low, scene.frame, kind=kind, front=0.0, back=1.0, threads=threads)
     inward, n = field.rays(samples), len(samples)
-    nothing = RayProbe(faces, inward, RayHits.misses(n), RayHits.misses(n))
-    return _cast_farther(scene, nothing, limit)
+    probe = RayProbe(faces, inward, RayHits.misses(n), RayHits.misses(n))
+    # Bundles of long rays meet most of the mesh. A scene in chunks takes longer for two calls.
+    near = limit if scene.in_chunks else min(_NEAR_REACH, limit)
+    for reach in sorted({near, limit}):
+        probe = _cast_farther(scene, probe, reach)
+    return probe
 
 
 def _cast_farther(scene: RayScene, probe: RayProbe, limit: float) -> RayProbe:
@@ -295,9 +301,8 @@ _POINTS = 4096
 # Share of the points at which the surfaces may face against each other, as thin walls do here and
 # there, before the high-poly mesh is examined.
 _TOLERATED = 0.01
-# How far to look first, and where nothing is so near, in the local frame, whose unit is about the
-# size of both meshes. Bundles of long rays meet most of the mesh.
-_NEAR_REACH, _REACH = 1.0 / 64.0, 4.0
+# Farther than any place, in the local frame, whose unit is about the size of both meshes.
+_REACH = 4.0
 
 
 def face_outwards(
@@ -331,8 +336,7 @@ def face_outwards(
 
 def _share_against(scenes: BakeScenes, low: Mesh, kind: str) -> float:
     """Share of points of the low-poly mesh whose nearest high-poly surface faces against them."""
-    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _NEAR_REACH)
-    probe = _cast_farther(scenes.high, probe, _REACH)
+    probe = probe_both_ways(scenes.high, low, kind, _POINTS, _REACH)
     out, into = probe.out, probe.into
     distances = [np.where(hits.faces == NO_HIT, np.inf, hits.distances) for hits in (out, into)]
     # A ray that goes out meets a surface from behind, one that goes in from the front.

@@ -23,7 +23,7 @@ WIDTH = 8  # triangles of a leaf, and boxes of a node
 _CELLS = 1024  # of the curve, along the longest side of the box
 _DIGIT_BITS = 10
 _FACES_PER_BAND = 1 << 18
-_SMALL = 1 << 16  # leaves whose corners take up to 38 MB
+_SMALL = 1 << 18  # leaves whose corners take up to 151 MB
 _FACES_OF_LARGE_NODE = 1 << 12
 _LEAVES_PER_BAND = 1 << 13  # a multiple of WIDTH: a node is written by one band
 
