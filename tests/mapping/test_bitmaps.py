@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation
@@ -5,7 +7,6 @@ from scipy.ndimage import binary_dilation
 from texbake.mapping.atlas.packing.bins import place_charts
 from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
-    ChartRotations,
     Outlines,
     PackingGrid,
     Shapes,
@@ -177,7 +178,8 @@ def test_a_turned_rectangle_is_turned_back_to_its_least_box() -> None:
     found = least_box_angles(uvs, ids)
     assert found == pytest.approx([-angle])
     faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
-    poses = ChartRotations.of(uvs, faces, ids, np.stack([found, found + np.pi / 2], axis=1))
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=1)
+    poses = charts.turned(np.stack([found, found + np.pi / 2], axis=1))
     assert poses.extents == pytest.approx(np.array([[[5.0, 2.0], [2.0, 5.0]]]))
 
 
@@ -185,7 +187,8 @@ def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
     uvs = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [3.0, 0.0], [7.4, 0.0], [3.0, 6.4]])
     faces = np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32)
     ids = np.repeat(np.arange(2, dtype=np.int32), 3)
-    poses = ChartRotations.of(uvs, faces, ids, np.zeros((2, 1)))
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=2)
+    poses = charts.turned(np.zeros((2, 1)))
     bitmaps = poses.bitmaps(1.0, -0.5)
     # The triangle of 4.4 x 6.4 lies in the middle of 4 x 6 cells, with centers from (0.7, 0.7) on:
     # 5, 4, 2 and 1 of the columns are below its long side.
@@ -214,6 +217,7 @@ def test_cells_inside_a_chart_are_those_that_its_faces_touch(margin: float, scal
     )
     angles = np.array([[0.0, 0.3, np.pi / 4.0]] * len(layouts))
     found = charts.turned(angles).bitmaps(scale, margin)
-    alone = ChartRotations.of(charts.uvs, charts.faces, charts.chart_ids, angles)
-    assert charts.turned(angles).n_outer < len(charts.faces) == alone.n_outer
-    assert (found.masks == alone.bitmaps(scale, margin).masks).all()
+    assert [len(drawn) > 0 for drawn in charts.drawn] == [True, True]
+    alone = replace(charts)
+    alone.__dict__["drawn"] = charts.faces, np.empty((0, 2), dtype=np.int32)
+    assert (found.masks == alone.turned(angles).bitmaps(scale, margin).masks).all()

@@ -16,110 +16,153 @@ struct extent {
     double left, right;
 };
 
-/* Least and greatest x of the part of a triangle that lies between two heights. */
-static struct extent extent_between(
-    const double x[3], const double y[3], double bottom, double top)
+/* Widen an extent by the part of a side that lies between two heights. */
+static struct extent widened(
+    struct extent extent, const double from[2], const double to[2], double bottom, double top)
 {
-    struct extent extent = {INFINITY, -INFINITY};
-    for (int i = 0; i < 3; i++) {
-        const int next = (i + 1) % 3;
-        const double x0 = x[i], y0 = y[i], x1 = x[next], y1 = y[next];
-        if (max_f64(y0, y1) < bottom || min_f64(y0, y1) > top)
-            continue;
-        double t0 = 0.0, t1 = 1.0;
-        if (y0 != y1) {
-            const double t_bottom = (bottom - y0) / (y1 - y0), t_top = (top - y0) / (y1 - y0);
-            t0 = max_f64(0.0, min_f64(t_bottom, t_top));
-            t1 = min_f64(1.0, max_f64(t_bottom, t_top));
-        }
-        const double begin = x0 + t0 * (x1 - x0), end = x0 + t1 * (x1 - x0);
-        extent.left = min_f64(min_f64(extent.left, begin), end);
-        extent.right = max_f64(max_f64(extent.right, begin), end);
+    const double x0 = from[0], y0 = from[1], x1 = to[0], y1 = to[1];
+    if (max_f64(y0, y1) < bottom || min_f64(y0, y1) > top)
+        return extent;
+    double t0 = 0.0, t1 = 1.0;
+    if (y0 != y1) {
+        const double t_bottom = (bottom - y0) / (y1 - y0), t_top = (top - y0) / (y1 - y0);
+        t0 = max_f64(0.0, min_f64(t_bottom, t_top));
+        t1 = min_f64(1.0, max_f64(t_bottom, t_top));
     }
-    return extent;
+    const double begin = x0 + t0 * (x1 - x0), end = x0 + t1 * (x1 - x0);
+    return (struct extent){
+        min_f64(min_f64(extent.left, begin), end), max_f64(max_f64(extent.right, begin), end)};
 }
 
-/* More than coordinates can be wrong by rounding, in cells. */
-static const double ROUNDING = 1e-6;
+/* The bitmap of a chart in a pose, and the map from coordinates to cells. */
+struct bitmap {
+    int64_t width, height;
+    double scale, margin;
+    const double *shift;
+    uint8_t *cells;
+};
 
-/* Whether all cells of some rows and columns are marked. */
-static bool is_marked(
-    const uint8_t *cells, int64_t width, int64_t first, int64_t last, int64_t begin, int64_t end)
+static void to_cells(const struct bitmap *bitmap, const double uv[2], double at[2])
 {
-    for (int64_t row = first; row <= last; row++)
-        for (int64_t column = begin; column <= end; column++)
-            if (!cells[row * width + column])
-                return false;
-    return true;
+    at[0] = uv[0] * bitmap->scale + bitmap->shift[0];
+    at[1] = uv[1] * bitmap->scale + bitmap->shift[1];
 }
 
-/* Mark the gap between marked cells of a row that a cell lies in. */
-static void fill_gap(uint8_t *cells, int64_t width, int64_t column)
+/* Mark the cells within the margin of a triangle, or of a line with two corners. */
+static void mark_polygon(const struct bitmap *bitmap, int n_corners, const double (*corners)[2])
 {
-    int64_t begin = column, end = column;
-    while (begin > 0 && !cells[begin - 1])
-        begin--;
-    while (end < width && !cells[end])
-        end++;
-    memset(cells + begin, 1, (size_t)(end - begin));
-}
-
-/* Mark the cells within `margin` of a triangle in a bitmap. One inside a chart whose border is
-   marked has the whole of a gap if it has any of it. */
-static void mark_triangle(
-    const double x[3], const double y[3], double margin, bool is_inside, const int64_t box[2],
-    uint8_t *cells)
-{
-    const double least = min_f64(min_f64(y[0], y[1]), y[2]);
-    const double most = max_f64(max_f64(y[0], y[1]), y[2]);
-    const int64_t width = box[0], height = box[1];
+    const double margin = bitmap->margin;
+    double least = corners[0][1], most = corners[0][1];
+    for (int i = 1; i < n_corners; i++) {
+        least = min_f64(least, corners[i][1]);
+        most = max_f64(most, corners[i][1]);
+    }
     const int64_t first = max_i64((int64_t)floor(least - margin), 0);
-    const int64_t last = min_i64((int64_t)floor(most + margin), height - 1);
-    if (is_inside) {
-        const double left = min_f64(min_f64(x[0], x[1]), x[2]) - margin - ROUNDING;
-        const double right = max_f64(max_f64(x[0], x[1]), x[2]) + margin + ROUNDING;
-        if (is_marked(cells, width, first, last, max_i64((int64_t)floor(left), 0),
-                min_i64((int64_t)floor(right), width - 1)))
-            return;
-    }
+    const int64_t last = min_i64((int64_t)floor(most + margin), bitmap->height - 1);
     for (int64_t row = first; row <= last; row++) {
-        const struct extent extent =
-            extent_between(x, y, (double)row - margin, (double)(row + 1) + margin);
+        const double bottom = (double)row - margin, top = (double)(row + 1) + margin;
+        struct extent extent = {INFINITY, -INFINITY};
+        for (int i = 0; i < (n_corners == 2 ? 1 : n_corners); i++)
+            extent = widened(extent, corners[i], corners[(i + 1) % n_corners], bottom, top);
         if (!(extent.left <= extent.right))
             continue;
-        uint8_t *const own = cells + row * width;
         const int64_t begin = max_i64((int64_t)floor(extent.left - margin), 0);
-        const int64_t end = min_i64((int64_t)floor(extent.right + margin), width - 1);
-        if (begin > end)
-            continue;
-        const int64_t middle = (int64_t)floor(0.5 * (extent.left + extent.right));
-        if (is_inside && margin >= ROUNDING && middle >= begin && middle <= end && !own[middle])
-            fill_gap(own, width, middle);
-        memset(own + begin, 1, (size_t)(end - begin + 1));
+        const int64_t end = min_i64((int64_t)floor(extent.right + margin), bitmap->width - 1);
+        if (begin <= end)
+            memset(bitmap->cells + row * bitmap->width + begin, 1, (size_t)(end - begin + 1));
     }
 }
 
-/* Mark each cell within `margin` of a face, in the bitmap of its chart and pose. The first `n_outer`
-   faces are those at the borders of charts and in charts that are folded. */
-EXPORT void mark_faces(
-    int64_t n_faces, int64_t n_charts, int64_t n_poses, int64_t n_cells,
-    const double corners[n_faces][3][n_poses][2], const int32_t face_charts[n_faces],
-    int64_t n_outer, double scale, const double shifts[n_charts][n_poses][2], double margin,
+/* Where a directed edge crosses the middle of a row, count it at the first cell whose center lies right
+   of it: `turns` holds how the number of windings changes along each row. */
+static void count_crossings(
+    const struct bitmap *bitmap, const double from[2], const double to[2], int32_t *turns)
+{
+    const int64_t first = max_i64((int64_t)floor(min_f64(from[1], to[1]) - 0.5), 0);
+    const int64_t last = min_i64((int64_t)floor(max_f64(from[1], to[1])), bitmap->height - 1);
+    for (int64_t row = first; row <= last; row++) {
+        const double middle = (double)row + 0.5;
+        if ((from[1] <= middle) == (to[1] <= middle))
+            continue;
+        const double t = (middle - from[1]) / (to[1] - from[1]);
+        const double x = from[0] + t * (to[0] - from[0]);
+        const double column = clamp_f64(ceil(x - 0.5), 0.0, (double)bitmap->width);
+        turns[row * (bitmap->width + 1) + (int64_t)column] += from[1] < to[1] ? 1 : -1;
+    }
+}
+
+/* The next column from `column` on with a step, or `width`. */
+static int64_t next_step(const int32_t *steps, int64_t column, int64_t width)
+{
+    while (column + 4 <= width
+        && !(steps[column] | steps[column + 1] | steps[column + 2] | steps[column + 3]))
+        column += 4;
+    while (column < width && steps[column] == 0)
+        column++;
+    return column;
+}
+
+/* Mark the cells whose centers the border winds around; empty `turns`. */
+static void fill_windings(const struct bitmap *bitmap, int32_t *turns)
+{
+    const int64_t width = bitmap->width;
+    for (int64_t row = 0; row < bitmap->height; row++) {
+        uint8_t *cells = bitmap->cells + row * width;
+        int32_t *steps = turns + row * (width + 1), windings = 0;
+        for (int64_t column = next_step(steps, 0, width); column < width;) {
+            windings += steps[column];
+            steps[column] = 0;
+            const int64_t end = next_step(steps, column + 1, width);
+            if (windings != 0)
+                memset(cells + column, 1, (size_t)(end - column));
+            column = end;
+        }
+        steps[width] = 0;
+    }
+}
+
+/* Mark each cell within `margin` of a chart, in the bitmap of each chart and pose. Charts that are
+   folded are drawn by their `triangles`; of the others, the directed `edges` at their borders are drawn,
+   sorted by chart, and what they wind around is filled. */
+EXPORT int64_t mark_charts(
+    int64_t n_uvs, int64_t n_triangles, int64_t n_edges, int64_t n_charts, int64_t n_poses,
+    int64_t n_cells, const double uvs[n_uvs][n_poses][2], const int32_t chart_ids[n_uvs],
+    const int32_t triangles[n_triangles][3], const int32_t edges[n_edges][2], double scale,
+    const double shifts[n_charts][n_poses][2], double margin,
     const int64_t boxes[n_charts][n_poses][2], const int64_t starts[n_charts][n_poses],
     uint8_t masks[n_cells])
 {
-    for (int64_t face = 0; face < n_faces; face++) {
-        const int32_t chart = face_charts[face];
-        for (int64_t pose = 0; pose < n_poses; pose++) {
-            double x[3], y[3];
-            for (int corner = 0; corner < 3; corner++) {
-                x[corner] = corners[face][corner][pose][0] * scale + shifts[chart][pose][0];
-                y[corner] = corners[face][corner][pose][1] * scale + shifts[chart][pose][1];
+    OPEN_ARENA(arena);
+    int64_t most = 0;
+    for (int64_t chart = 0; chart < n_charts; chart++)
+        for (int64_t pose = 0; pose < n_poses; pose++)
+            most = max_i64(most, (boxes[chart][pose][0] + 1) * boxes[chart][pose][1]);
+    int32_t *turns = TAKE_ZEROS(arena, int32_t, most);
+    double corners[3][2];
+    for (int64_t pose = 0; pose < n_poses; pose++) {
+        for (int64_t i = 0; i < n_triangles; i++) {
+            const int32_t chart = chart_ids[triangles[i][0]];
+            const struct bitmap bitmap = {boxes[chart][pose][0], boxes[chart][pose][1], scale,
+                margin, shifts[chart][pose], masks + starts[chart][pose]};
+            for (int corner = 0; corner < 3; corner++)
+                to_cells(&bitmap, uvs[triangles[i][corner]][pose], corners[corner]);
+            mark_polygon(&bitmap, 3, (const double (*)[2])corners);
+        }
+        for (int64_t i = 0; i < n_edges;) {
+            const int32_t chart = chart_ids[edges[i][0]];
+            const struct bitmap bitmap = {boxes[chart][pose][0], boxes[chart][pose][1], scale,
+                margin, shifts[chart][pose], masks + starts[chart][pose]};
+            for (; i < n_edges && chart_ids[edges[i][0]] == chart; i++) {
+                for (int end = 0; end < 2; end++)
+                    to_cells(&bitmap, uvs[edges[i][end]][pose], corners[end]);
+                mark_polygon(&bitmap, 2, (const double (*)[2])corners);
+                count_crossings(&bitmap, corners[0], corners[1], turns);
             }
-            mark_triangle(x, y, margin, face >= n_outer, boxes[chart][pose],
-                masks + starts[chart][pose]);
+            fill_windings(&bitmap, turns);
         }
     }
+    close_arena(arena);
+    return 0;
 }
 
 int64_t largest_mask(const struct chart_masks *masks, int64_t n_charts)

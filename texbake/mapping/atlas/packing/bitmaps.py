@@ -114,39 +114,23 @@ class ChartRotations:
     """Charts, each rotated by K angles of its own."""
 
     uvs: FloatArray  # (T, K, 2) float64; coordinates in each pose
-    corners: FloatArray  # (F, 3, K, 2) float64; coordinates of the faces' corners
-    chart_ids: IntArray  # (T,) int32
-    face_charts: IntArray  # (F,) int32
+    charts: Outlines
     # low, extents: (C, K, 2) float64; lower left corner and size of each chart's bounding box.
     low: FloatArray
     extents: FloatArray
-    n_outer: int  # number of faces at borders, which come before those within charts
 
     @classmethod
-    def of(
-        cls,
-        uvs: FloatArray,
-        faces: IntArray,
-        chart_ids: IntArray,
-        angles: FloatArray,
-        n_outer: int | None = None,
-    ) -> ChartRotations:
+    def of(cls, charts: Outlines, angles: FloatArray) -> ChartRotations:
         """Rotate charts counter-clockwise by `angles` (C, K), in radians."""
+        chart_ids = charts.chart_ids
         cos, sin = pm.cos(angles)[chart_ids], pm.sin(angles)[chart_ids]
-        x, y = uvs[:, :1], uvs[:, 1:]
+        x, y = charts.uvs[:, :1], charts.uvs[:, 1:]
         posed = np.stack([x * cos - y * sin, x * sin + y * cos], axis=2)
         order = np.argsort(chart_ids, kind="stable")
         starts = np.searchsorted(chart_ids[order], np.arange(len(angles)))
         low = np.minimum.reduceat(posed[order], starts)
-        return cls(
-            uvs=posed,
-            corners=np.ascontiguousarray(posed[faces]),
-            chart_ids=chart_ids,
-            face_charts=np.ascontiguousarray(chart_ids[faces[:, 0]]),
-            low=low,
-            extents=np.maximum.reduceat(posed[order], starts) - low,
-            n_outer=len(faces) if n_outer is None else n_outer,
-        )
+        extents = np.maximum.reduceat(posed[order], starts) - low
+        return cls(uvs=posed, charts=charts, low=low, extents=extents)
 
     def lengths(self) -> FloatArray:
         """(C,) float64: longer side of each chart's box, in the pose in which it is shortest."""
@@ -155,7 +139,8 @@ class ChartRotations:
     @property
     def work(self) -> int:
         """Steps of work to rasterize them."""
-        return self.corners.size // 6 * _STEPS_A_FACE
+        n_poses = int(self.uvs.shape[1])
+        return len(self.charts.faces) * n_poses * _STEPS_A_FACE
 
     def bitmaps(self, scale: float, margin: float) -> Bitmaps:
         """The cells that each chart touches in each of its poses.
@@ -171,9 +156,9 @@ class ChartRotations:
         n_cells = boxes.prod(axis=2)
         starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
         masks = np.zeros(n_cells.sum(), dtype=np.uint8)
-        core.mark_faces(
-            self.corners, self.face_charts, self.n_outer, scale, shifts, margin, boxes, starts,
-            masks,
+        core.mark_charts(
+            self.uvs, self.charts.chart_ids, *self.charts.drawn, scale, shifts, margin, boxes,
+            starts, masks,
         )  # fmt: skip
         # Not their sum, for which all cells would be copied into larger numbers.
         empty = np.maximum.reduceat(masks, starts.ravel()) == 0
@@ -182,10 +167,11 @@ class ChartRotations:
 
     def placed_uvs(self, bitmaps: Bitmaps, scale: float, places: IntArray) -> FloatArray:
         """(T, 2) float64: coordinates, in cells of the grid, of charts at `places` (C, 4)."""
-        corner, pose, turns = (places[self.chart_ids][:, part] for part in (slice(2), 2, 3))
-        shifts = bitmaps.shifts[self.chart_ids, pose]
+        chart_ids = self.charts.chart_ids
+        corner, pose, turns = (places[chart_ids][:, part] for part in (slice(2), 2, 3))
+        shifts = bitmaps.shifts[chart_ids, pose]
         x, y = (self.uvs[np.arange(len(pose)), pose] * scale + shifts).T
-        width, height = bitmaps.boxes[self.chart_ids, pose].T
+        width, height = bitmaps.boxes[chart_ids, pose].T
         turned = (
             np.choose(turns, [x, height - y, width - x, y]),
             np.choose(turns, [y, x, height - y, width - x]),
@@ -210,32 +196,29 @@ class Outlines:
 
     def upright(self, angles: FloatArray) -> Outlines:
         """Rotate each chart permanently by an angle (C,)."""
-        turned = ChartRotations.of(self.uvs, self.faces, self.chart_ids, angles[:, None])
-        return replace(self, uvs=turned.uvs[:, 0])
+        return replace(self, uvs=self.turned(angles[:, None]).uvs[:, 0])
 
     def turned(self, angles: FloatArray) -> ChartRotations:
         """Rotations by `angles` (C, K)."""
-        faces, n_outer = self._outer_first
-        return ChartRotations.of(self.uvs, faces, self.chart_ids, angles, n_outer)
+        return ChartRotations.of(self, angles)
 
     @cached_property
-    def _outer_first(self) -> tuple[IntArray, int]:
-        """The faces with those that meet the border of a chart first, and how many they are.
+    def drawn(self) -> tuple[IntArray, IntArray]:
+        """Triangles (S, 3) of charts in which some are mirrored, and the borders of all others.
 
-        A chart in which some faces are mirrored has only outer faces, since a fold is a border too.
+        The borders are directed edges (B, 2) between coordinates, sorted by chart.
         """
-        is_open = (opposite_half_edges(self.faces) < 0).reshape(-1, 3)
-        at_border = np.zeros(len(self.uvs), dtype=bool)
-        for ends in (self.faces, np.roll(self.faces, -1, axis=1)):
-            at_border[ends[is_open]] = True
-        areas, charts = signed_areas(self.uvs[self.faces]), self.chart_ids[self.faces[:, 0]]
+        charts = self.chart_ids[self.faces[:, 0]]
+        areas = signed_areas(self.uvs[self.faces])
         solid = (self.faces != np.roll(self.faces, 1, axis=1)).all(axis=1)
         some_left, some_right = (
             np.bincount(charts, solid & side) > 0.0 for side in (areas >= 0.0, areas <= 0.0)
         )
-        outer = at_border[self.faces].any(axis=1) | (some_left & some_right)[charts]
-        order = np.argsort(~outer, kind="stable")
-        return np.ascontiguousarray(self.faces[order]), int(np.count_nonzero(outer))
+        folded = (some_left & some_right)[charts]
+        is_open = (opposite_half_edges(self.faces) < 0).reshape(-1, 3) & ~folded[:, None]
+        edges = np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2)[is_open]
+        order = np.argsort(self.chart_ids[edges[:, 0]], kind="stable")
+        return self.faces[folded], edges[order]
 
 
 def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
