@@ -1,5 +1,5 @@
-/* The walk of a single ray through a tree: which boxes of a node it meets, and which triangles of a
-   leaf it may meet.
+/* The walk of a single ray through a tree: which boxes of a node it meets, which triangles of a leaf it
+   may meet, and where.
 
    A ray is tested against the eight boxes of a node at a time, in float32; the boxes are enlarged
    by more than the rounding error. */
@@ -195,4 +195,26 @@ static inline int push_nearest(
         stack[at] = (struct place){place.level - 1, place.at * WIDTH + k, nears[k]};
     }
     return depth;
+}
+
+/* A distance, clamped to where the ray is in the box of a triangle. For a triangle seen edge-on,
+   rounding decides the distance; the clamp keeps the hit in its box, so boxes can be skipped. */
+static inline double held_to_box(const struct walk *walk, const leaf corners, int k, double distance)
+{
+    double enters = -INFINITY, leaves = INFINITY;
+    for (int axis = 0; axis < 3; axis++) {
+        const double a = corners[axis][k], b = corners[3 + axis][k], c = corners[6 + axis][k];
+        const double first = (min_f64(min_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
+        const double second = (max_f64(max_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
+        enters = max_f64(enters, min_f64(first, second));
+        leaves = min_f64(leaves, max_f64(first, second));
+    }
+    return min_f64(max_f64(distance, enters), leaves);
+}
+
+/* Distance at which the line of a ray meets a triangle, or NaN. */
+static inline double distance_of(const struct walk *walk, const leaf corners, int k)
+{
+    const struct crossing hit = intersect(&walk->line, walk->order, corners, k);
+    return hit.total != 0.0 ? held_to_box(walk, corners, k, hit.distance) : NAN;
 }

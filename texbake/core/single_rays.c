@@ -1,12 +1,10 @@
-/* Rays against a tree of triangles, one by one, and hemispheres of them from points of a surface, cast
-   one direction at a time for 16 hemispheres.
+/* Rays against a tree of triangles, one by one, and hemispheres of them from points of a surface.
 
    A ray is tested against the eight boxes of a node at a time, in float32; the boxes are enlarged
    by more than the rounding error. Then it is tested against the eight triangles of a leaf, in
    float64, as in ray_triangle.h. Both tests give the same results on any processor. The hit depends
-   only on the ray and the triangles, not on the tree or the order in which it is walked. Hemispheres
-   of neighboring texels follow each other, and so do their rays in one direction: a triangle that
-   blocks one ray often blocks the next.
+   only on the ray and the triangles, not on the tree or the order in which it is walked. The outer
+   rays of a hemisphere need no distances and are cast together, by ray_fans.h.
 
    Based on: Wald, Benthin, Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray Traversal
    using Multi-branching BVHs", 2008; Duff et al., "Building an Orthonormal Basis, Revisited", 2017,
@@ -15,29 +13,7 @@
    Called from texbake/raycast/scene.py and texbake/baking/secondary_rays.py. */
 
 #include "core.h"
-#include "ray_walk.h"
-
-/* A distance, clamped to where the ray is in the box of a triangle. For a triangle seen edge-on,
-   rounding decides the distance; the clamp keeps the hit in its box, so boxes can be skipped. */
-static double held_to_box(const struct walk *walk, const leaf corners, int k, double distance)
-{
-    double enters = -INFINITY, leaves = INFINITY;
-    for (int axis = 0; axis < 3; axis++) {
-        const double a = corners[axis][k], b = corners[3 + axis][k], c = corners[6 + axis][k];
-        const double first = (min_f64(min_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
-        const double second = (max_f64(max_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
-        enters = max_f64(enters, min_f64(first, second));
-        leaves = min_f64(leaves, max_f64(first, second));
-    }
-    return min_f64(max_f64(distance, enters), leaves);
-}
-
-/* Distance at which the line of a ray meets a triangle, or NaN. */
-static double distance_of(const struct walk *walk, const leaf corners, int k)
-{
-    const struct crossing hit = intersect(&walk->line, walk->order, corners, k);
-    return hit.total != 0.0 ? held_to_box(walk, corners, k, hit.distance) : NAN;
-}
+#include "ray_fans.h"
 
 /* Least distance, from 0 to `most`, at which the ray meets a triangle of a leaf; infinite if none. */
 static inline double leaf_distance(const struct walk *walk, const leaf corners, double most)
@@ -49,35 +25,6 @@ static inline double leaf_distance(const struct walk *walk, const leaf corners, 
             nearest = distance;
     }
     return nearest;
-}
-
-/* Whether the ray hits a triangle within its length. `blocker` is a leaf to test first, or -1; a
-   leaf that blocks the ray is written to it. */
-static bool is_blocked(const struct ray_tree *tree, const struct single_ray *ray, int64_t *blocker)
-{
-    struct walk walk;
-    start_walk(&walk, tree, ray);
-    if (*blocker >= 0 && leaf_distance(&walk, tree->leaves[*blocker], ray->length) < INFINITY)
-        return true;
-    const float length = lengthened(ray->length);
-    struct place stack[STACK];
-    stack[0] = (struct place){tree->n_levels - 1, 0, 0.0f};
-    for (int depth = tree->n_levels > 0; depth > 0;) {
-        const struct place place = stack[--depth];
-        float nears[WIDTH];
-        unsigned bits = meets(&walk, tree->levels[place.level][place.at], length, nears);
-        for (; bits; bits &= bits - 1) {
-            const int32_t at = place.at * WIDTH + __builtin_ctz(bits);
-            if (place.level > 0) {
-                stack[depth++] = (struct place){place.level - 1, at, 0.0f};
-            } else if (leaf_distance(&walk, tree->leaves[at], ray->length) < INFINITY) {
-                *blocker = at;
-                return true;
-            }
-        }
-    }
-    *blocker = -1;
-    return false;
 }
 
 /* Distance of the first hit within the length of the ray; without a hit, the length. */
@@ -101,8 +48,6 @@ static double free_length(const struct ray_tree *tree, const struct single_ray *
     return free;
 }
 
-#define TOGETHER 16 /* hemispheres whose rays are cast in turn */
-
 /* Columns of the results: texbake/raycast/rays.py. */
 enum { OPEN, OPEN_DIRECTION, DEPTH = OPEN_DIRECTION + 3, N_COLUMNS };
 
@@ -120,31 +65,20 @@ static struct hemisphere frame_hemisphere(const float axis[3], const float plane
         {plane[0], plane[1], plane[2]}};
 }
 
-/* Turn a direction into the frame of a hemisphere, mirrored at the plane if it points below. */
-static void turn_direction(const struct hemisphere *at, const float local[3], double direction[3])
+/* Write directions turned into the frame of a hemisphere, mirrored at the plane if they point below. */
+static void turn_directions(
+    const struct hemisphere *at, int n, const float local[][3], double directions[3][FAN])
 {
-    double height = 0.0;
-    for (int k = 0; k < 3; k++) {
-        direction[k] = local[0] * at->frame[0][k] + local[1] * at->frame[1][k] +
-                       local[2] * at->frame[2][k];
-        height += direction[k] * at->plane[k];
-    }
-    const double below = 2.0 * min_f64(height, 0.0);
+    double below[FAN] = {0};
     for (int k = 0; k < 3; k++)
-        direction[k] -= below * at->plane[k];
-}
-
-/* A ray that starts an offset above a plane (side 1) or below it (-1) and goes to that side. */
-static struct single_ray ray_from(
-    const double point[3], const double plane[3], double offset, const double direction[3],
-    double side, double length)
-{
-    struct single_ray ray = {.length = length};
-    for (int k = 0; k < 3; k++) {
-        ray.origin[k] = point[k] + side * offset * plane[k];
-        ray.direction[k] = side * direction[k];
-    }
-    return ray;
+        for (int j = 0; j < n; j++) {
+            directions[k][j] = local[j][0] * at->frame[0][k] + local[j][1] * at->frame[1][k] +
+                               local[j][2] * at->frame[2][k];
+            below[j] += directions[k][j] * at->plane[k];
+        }
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < n; j++)
+            directions[k][j] -= 2.0 * min_f64(below[j], 0.0) * at->plane[k];
 }
 
 /* Cast hemispheres, and write what their rays meet; `sets` are sets of n_rays directions. Rays of
@@ -159,47 +93,39 @@ EXPORT void cast_hemispheres(
 {
     struct ray_tree tree = ray_tree_of(nodes, n_levels, starts, box);
     tree.leaves = leaves;
-    for (int64_t first = 0; first < n; first += TOGETHER) {
-        const int64_t n_hemispheres = min_i64(n - first, TOGETHER);
-        struct hemisphere hemispheres[TOGETHER];
-        double sums[TOGETHER][N_COLUMNS] = {{0}};
-        for (int64_t i = 0; i < n_hemispheres; i++)
-            hemispheres[i] = frame_hemisphere(axes[first + i], planes[first + i]);
-        for (int64_t j = 0; j < n_rays; j++) {
-            int64_t blocker = -1;
-            for (int64_t i = 0; i < n_hemispheres; i++) {
-                const double *point = points[first + i], *plane = hemispheres[i].plane;
-                double direction[3], *sum = sums[i];
-                turn_direction(&hemispheres[i], sets[set_ids[first + i] * n_rays + j], direction);
-                if (outer > 0.0) {
-                    const struct single_ray ray =
-                        ray_from(point, plane, offset, direction, 1.0, outer);
-                    if (!is_blocked(&tree, &ray, &blocker)) {
-                        sum[OPEN] += 1.0;
-                        for (int k = 0; k < 3; k++)
-                            sum[OPEN_DIRECTION + k] += direction[k];
-                    }
-                }
-                if (inner > 0.0) {
-                    const struct single_ray ray =
-                        ray_from(point, plane, offset, direction, -1.0, inner);
+    for (int64_t i = 0; i < n; i++) {
+        const struct hemisphere hemisphere = frame_hemisphere(axes[i], planes[i]);
+        double sum[N_COLUMNS] = {0};
+        for (int64_t first = 0; first < n_rays; first += FAN) {
+            struct fan fan;
+            fan.n = (int)min_i64(n_rays - first, FAN);
+            turn_directions(
+                &hemisphere, fan.n, sets + set_ids[i] * n_rays + first, fan.directions);
+            if (outer > 0.0) {
+                place_fan(&fan, &tree, points[i], hemisphere.plane, offset, outer);
+                cast_fan(&fan, &tree);
+                sum[OPEN] += __builtin_popcountll(fan.open);
+                for (uint64_t bits = fan.open; bits; bits &= bits - 1)
+                    for (int k = 0; k < 3; k++)
+                        sum[OPEN_DIRECTION + k] += fan.directions[k][__builtin_ctzll(bits)];
+            }
+            if (inner > 0.0) {
+                place_fan(&fan, &tree, points[i], hemisphere.plane, -offset, inner);
+                for (int j = 0; j < fan.n; j++) {
+                    const struct single_ray ray = ray_of(&fan, j, -1.0);
                     sum[DEPTH] += free_length(&tree, &ray);
                 }
             }
         }
-        for (int64_t i = 0; i < n_hemispheres; i++) {
-            float *result = results[first + i];
-            const double *sum = sums[i];
-            if (outer > 0.0) {
-                result[OPEN] = (float)(sum[OPEN] / (double)n_rays);
-                for (int k = 0; k < 3; k++)
-                    result[OPEN_DIRECTION + k] = sum[OPEN] > 0.0
-                                                     ? (float)(sum[OPEN_DIRECTION + k] / (double)n_rays)
-                                                     : axes[first + i][k];
-            }
-            if (inner > 0.0)
-                result[DEPTH] = (float)(sum[DEPTH] / (double)n_rays);
+        float *result = results[i];
+        if (outer > 0.0) {
+            result[OPEN] = (float)(sum[OPEN] / (double)n_rays);
+            for (int k = 0; k < 3; k++)
+                result[OPEN_DIRECTION + k] =
+                    sum[OPEN] > 0.0 ? (float)(sum[OPEN_DIRECTION + k] / (double)n_rays) : axes[i][k];
         }
+        if (inner > 0.0)
+            result[DEPTH] = (float)(sum[DEPTH] / (double)n_rays);
     }
 }
 
