@@ -27,20 +27,20 @@ struct change {
 static inline int32_t row_at(
     const struct collapsible_mesh *mesh, const struct attribute *attribute, int32_t corner)
 {
-    const int32_t *wedges = mesh->wedges[0];
-    return attribute->row_of[wedges[corner]];
+    return attribute->row_of[wedge_at(mesh, corner)];
 }
 
 /* Look at the faces of some corners that have a row, and interpolate in the closest; return the
    squared distance to it, or the one given if none is closer. */
 static double interpolate_closest(
-    const struct collapsible_mesh *mesh, const struct attribute *attribute, int64_t n,
-    const int32_t *corners, int32_t row, struct vector place, double least, double *value)
+    const struct collapsible_mesh *mesh, const struct attribute *attribute, struct corners around,
+    int32_t row, struct vector place, double least, double *value)
 {
-    for (int64_t i = 0; i < n; i++) {
-        if (row_at(mesh, attribute, corners[i]) != row)
+    for (int64_t i = 0; i < around.n; i++) {
+        const int32_t corner = around.corners[i];
+        if (row_at(mesh, attribute, corner) != row)
             continue;
-        const int32_t *face = mesh->faces[corners[i] / 3], *wedges = mesh->wedges[corners[i] / 3];
+        const int32_t *face = mesh->faces[corner >> 2], *wedges = mesh->wedges[corner >> 2];
         const struct vector a = vector_at(mesh->points[face[0]]);
         const struct nearness near = closest_on_triangle(
             minus(vector_at(mesh->points[face[1]]), a), minus(vector_at(mesh->points[face[2]]), a),
@@ -72,8 +72,8 @@ static void make_unit(double *value)
 
 /* The values that the rows of v get; returns how many rows there are. */
 static int list_changes(
-    const struct collapsible_mesh *mesh, const struct attribute *attribute, int64_t n_u,
-    int64_t n_v, int32_t v, struct vector place, const struct collapse *collapse,
+    const struct collapsible_mesh *mesh, const struct attribute *attribute, struct corners of_u,
+    struct corners of_v, int32_t v, struct vector place, const struct collapse *collapse,
     struct change changes[2])
 {
     const bool moves = memcmp(mesh->points[v], &place, sizeof place) != 0;
@@ -91,9 +91,8 @@ static int list_changes(
         if (!moves)
             continue;
         const double least = interpolate_closest(
-            mesh, attribute, n_u, mesh->corners_u, row_u, place, INFINITY, change->value);
-        interpolate_closest(
-            mesh, attribute, n_v, mesh->corners_v, row_v, place, least, change->value);
+            mesh, attribute, of_u, row_u, place, INFINITY, change->value);
+        interpolate_closest(mesh, attribute, of_v, row_v, place, least, change->value);
         if (attribute->is_unit)
             make_unit(change->value);
     }
@@ -109,21 +108,21 @@ static inline double area_of(const double *const uvs[3])
 /* Whether no face of some corners flips in texture space. The faces of the edge do not count:
    the collapse removes them. */
 static bool charts_stay(
-    const struct collapsible_mesh *mesh, const struct attribute *uvs, int64_t n,
-    const int32_t *corners, int32_t other, bool is_u, int n_changes,
-    const struct change changes[2])
+    const struct collapsible_mesh *mesh, const struct attribute *uvs, struct corners around,
+    int32_t other, bool is_u, int n_changes, const struct change changes[2])
 {
-    for (int64_t i = 0; i < n; i++) {
-        const int32_t *face = mesh->faces[corners[i] / 3], *wedges = mesh->wedges[corners[i] / 3];
+    for (int64_t i = 0; i < around.n; i++) {
+        const int32_t corner = around.corners[i];
+        const int32_t *face = mesh->faces[corner >> 2], *wedges = mesh->wedges[corner >> 2];
         if (face[0] == other || face[1] == other || face[2] == other)
             continue;
         const double *before[3], *after[3];
         for (int k = 0; k < 3; k++)
             before[k] = after[k] = uvs->values + 2 * (int64_t)uvs->row_of[wedges[k]];
-        const int32_t row = row_at(mesh, uvs, corners[i]);
+        const int32_t row = row_at(mesh, uvs, corner);
         for (int j = 0; j < n_changes; j++)
             if (row == (is_u ? changes[j].row_u : changes[j].row_v))
-                after[corners[i] % 3] = changes[j].value;
+                after[corner & 3] = changes[j].value;
         const double area = area_of(before);
         if (area != 0.0 && !(area * area_of(after) > 0.0))
             return false;
@@ -143,24 +142,23 @@ static void write_changes(
 /* Give the wedges of v what they have where u and v meet; false, and nothing changed, where a face
    would turn over in texture space. To be called before the collapse. */
 bool carry_attributes(
-    struct collapsible_mesh *mesh, const struct carried_attributes *attributes, int32_t u, int32_t v,
-    struct vector place, const struct collapse *collapse)
+    const struct collapsible_mesh *mesh, const struct carried_attributes *attributes, int32_t u,
+    int32_t v, struct vector place, const struct collapse *collapse)
 {
     const struct attribute *uvs = &attributes->uvs, *normals = &attributes->normals;
     if (uvs->n_components == 0 && normals->n_components == 0)
         return true;
-    const int64_t n_u = list_corners(mesh, u, mesh->corners_u);
-    const int64_t n_v = list_corners(mesh, v, mesh->corners_v);
+    const struct corners of_u = corners_of(mesh, u), of_v = corners_of(mesh, v);
     struct change changes[2];
     if (uvs->n_components > 0) {
-        const int n = list_changes(mesh, uvs, n_u, n_v, v, place, collapse, changes);
-        if (!charts_stay(mesh, uvs, n_u, mesh->corners_u, v, true, n, changes)
-            || !charts_stay(mesh, uvs, n_v, mesh->corners_v, u, false, n, changes))
+        const int n = list_changes(mesh, uvs, of_u, of_v, v, place, collapse, changes);
+        if (!charts_stay(mesh, uvs, of_u, v, true, n, changes)
+            || !charts_stay(mesh, uvs, of_v, u, false, n, changes))
             return false;
         write_changes(uvs, n, changes);
     }
     if (normals->n_components > 0) {
-        const int n = list_changes(mesh, normals, n_u, n_v, v, place, collapse, changes);
+        const int n = list_changes(mesh, normals, of_u, of_v, v, place, collapse, changes);
         write_changes(normals, n, changes);
     }
     return true;

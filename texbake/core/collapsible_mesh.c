@@ -15,35 +15,37 @@
 #include <math.h>
 #include <string.h>
 
+enum { FREE_ROOM = 2 }; /* of a list, so that few of them have to move when they grow */
 
-/* List the corners of a vertex in faces that are left, and forget the others. */
-int64_t list_corners(struct collapsible_mesh *mesh, int32_t vertex, int32_t *corners)
+/* Whether the walk from each corner of a vertex to the one whose next vertex is its previous one
+   comes back after all of them. */
+static bool is_ring(int64_t n, const int32_t *next, const int32_t *previous)
 {
-    int64_t n = 0;
-    int32_t *link = &mesh->first_corners[vertex];
-    while (*link >= 0) {
-        const int32_t corner = *link;
-        if (vertex_at_corner(mesh, corner) < 0) {
-            *link = mesh->next_corners[corner];
-        } else {
-            corners[n++] = corner;
-            link = &mesh->next_corners[corner];
-        }
-    }
-    return n;
+    int64_t at = 0, n_steps = 0;
+    do {
+        int64_t across = 0;
+        while (across < n && next[across] != previous[at])
+            across++;
+        at = across;
+        n_steps++;
+    } while (at > 0 && at < n && n_steps < n);
+    return at == 0 && n_steps == n;
 }
 
 /* Whether the faces at these corners follow one another around their vertex, once, whichever way each
    of them is wound; `is_mixed` becomes true where two run along an edge the same way. */
 static enum vertex_kind kind_of(
-    const struct collapsible_mesh *mesh, int64_t n, const int32_t *corners, bool *is_mixed)
+    const struct collapsible_mesh *mesh, struct corners around, bool *is_mixed)
 {
+    const int64_t n = around.n;
     if (n == 0 || n > MOST_CORNERS)
         return COMPLEX;
     int32_t sides[2][MOST_CORNERS]; /* the neighbors that the face of each corner has */
     for (int64_t i = 0; i < n; i++)
         for (int side = 0; side < 2; side++)
-            sides[side][i] = vertex_after(mesh, corners[i], side + 1);
+            sides[side][i] = vertex_after(mesh, around.corners[i], side + 1);
+    if (is_ring(n, sides[0], sides[1]))
+        return INTERIOR;
     int64_t at = 0, n_open = 0;
     int from = 0; /* the side that the walk around the vertex comes from */
     bool runs_alike = false;
@@ -81,49 +83,64 @@ static enum vertex_kind kind_of(
     return n_open ? BOUNDARY : INTERIOR;
 }
 
+/* List the corners of all vertices in order. */
+static void list_corners(struct arena *arena, struct collapsible_mesh *mesh)
+{
+    struct corner_list *lists = TAKE_ZEROS(arena, struct corner_list, mesh->n_vertices);
+    for (int64_t face = 0; face < mesh->n_faces; face++)
+        for (int k = 0; k < 3; k++)
+            lists[mesh->faces[face][k]].room++;
+    int64_t start = 0;
+    for (int64_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
+        lists[vertex].start = start;
+        lists[vertex].room += FREE_ROOM;
+        start += lists[vertex].room;
+    }
+    mesh->lists = lists;
+    mesh->n_pool = start;
+    mesh->most_pool = start + 5 * mesh->n_faces; /* a list that moves takes at most 4.5 */
+    mesh->pool = TAKE(arena, int32_t, mesh->most_pool);
+    mesh->spare_pool = TAKE(arena, int32_t, mesh->most_pool);
+    for (int32_t face = 0; face < mesh->n_faces; face++) {
+        for (int32_t k = 0; k < 3; k++) {
+            struct corner_list *list = &lists[mesh->faces[face][k]];
+            mesh->pool[list->start + list->count++] = 4 * face + k;
+        }
+    }
+}
+
 void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh)
 {
-    const int64_t n = mesh->n_vertices, n_corners = 3 * mesh->n_faces;
+    const int64_t n = mesh->n_vertices;
     mesh->n_left = mesh->n_faces;
-    mesh->next_corners = TAKE(arena, int32_t, n_corners);
-    mesh->first_corners = TAKE(arena, int32_t, n);
     mesh->kinds = TAKE(arena, uint8_t, n);
     mesh->marks = TAKE_ZEROS(arena, int32_t, n);
     mesh->mark = 0;
     mesh->is_mixed = false;
-    mesh->corners_u = TAKE(arena, int32_t, mesh->n_faces);
-    mesh->corners_v = TAKE(arena, int32_t, mesh->n_faces);
-    memset(mesh->first_corners, 0xFF, (size_t)n * sizeof(int32_t)); /* -1 */
-    for (int64_t corner = n_corners - 1; corner >= 0; corner--) {
-        const int32_t vertex = mesh->faces[corner / 3][corner % 3];
-        mesh->next_corners[corner] = mesh->first_corners[vertex];
-        mesh->first_corners[vertex] = (int32_t)corner;
-    }
-    for (int32_t vertex = 0; vertex < n; vertex++) {
-        const int64_t n_around = list_corners(mesh, vertex, mesh->corners_u);
-        mesh->kinds[vertex] = (uint8_t)kind_of(
-            mesh, n_around, mesh->corners_u, &mesh->is_mixed);
-    }
+    mesh->merged = TAKE(arena, int32_t, mesh->n_faces);
+    list_corners(arena, mesh);
+    for (int32_t vertex = 0; vertex < n; vertex++)
+        mesh->kinds[vertex] = (uint8_t)kind_of(mesh, corners_of(mesh, vertex), &mesh->is_mixed);
 }
 
 /* Find the faces of an edge among the corners of u; false where their number or their wedges do not
    allow a collapse. */
 static bool find_edge(
-    const struct collapsible_mesh *mesh, int32_t u, int32_t v, int64_t n_u,
+    const struct collapsible_mesh *mesh, int32_t u, int32_t v, struct corners of_u,
     struct collapse *collapse)
 {
     const int n_wanted = mesh->kinds[u] == BOUNDARY ? 1 : 2;
     collapse->n_faces = 0;
-    for (int64_t i = 0; i < n_u; i++) {
-        const int32_t corner = mesh->corners_u[i];
+    for (int64_t i = 0; i < of_u.n; i++) {
+        const int32_t corner = of_u.corners[i];
         for (int step = 1; step < 3; step++) {
             if (vertex_after(mesh, corner, step) != v)
                 continue;
             if (collapse->n_faces == n_wanted)
                 return false;
-            const int32_t *wedges = mesh->wedges[corner / 3];
-            collapse->wedges_u[collapse->n_faces] = wedges[corner % 3];
-            collapse->wedges_v[collapse->n_faces++] = wedges[(corner % 3 + step) % 3];
+            const int32_t *wedges = mesh->wedges[corner >> 2];
+            collapse->wedges_u[collapse->n_faces] = wedges[corner & 3];
+            collapse->wedges_v[collapse->n_faces++] = wedges[((corner & 3) + step) % 3];
         }
     }
     if (collapse->n_faces != n_wanted)
@@ -135,74 +152,83 @@ static bool find_edge(
                && collapse->wedges_v[0] != collapse->wedges_v[1]) {
         return false;
     }
-    for (int64_t i = 0; i < n_u; i++) {
-        const int32_t wedge = mesh->wedges[mesh->corners_u[i] / 3][mesh->corners_u[i] % 3];
+    for (int64_t i = 0; i < of_u.n && mesh->wedges != mesh->faces; i++) {
+        const int32_t wedge = wedge_at(mesh, of_u.corners[i]);
         if (wedge != collapse->wedges_u[0] && wedge != collapse->wedges_u[1])
             return false;
     }
     return true;
 }
 
+/* Whether v has a face with two other vertices. */
+static bool has_face(
+    const struct collapsible_mesh *mesh, struct corners of_v, int32_t a, int32_t b)
+{
+    for (int64_t i = 0; i < of_v.n; i++) {
+        const int32_t c = vertex_after(mesh, of_v.corners[i], 1);
+        const int32_t d = vertex_after(mesh, of_v.corners[i], 2);
+        if ((c == a && d == b) || (c == b && d == a))
+            return true;
+    }
+    return false;
+}
+
 /* Whether the neighbors in common are those opposite to the edge, and no two faces become one. */
 static bool link_allows(
-    struct collapsible_mesh *mesh, int32_t v, int64_t n_u, int64_t n_v, int n_edge_faces)
+    struct collapsible_mesh *mesh, int32_t u, int32_t v, struct corners of_u, struct corners of_v,
+    int n_edge_faces)
 {
     if (mesh->mark > INT32_MAX - 4) {
         memset(mesh->marks, 0, (size_t)mesh->n_vertices * sizeof(int32_t));
         mesh->mark = 0;
     }
     int32_t *marks = mesh->marks;
-    const int32_t of_u = ++mesh->mark, of_both = ++mesh->mark;
-    for (int64_t i = 0; i < n_u; i++)
-        for (int step = 1; step < 3; step++)
-            marks[vertex_after(mesh, mesh->corners_u[i], step)] = of_u;
+    const int32_t of_one = ++mesh->mark, of_both = ++mesh->mark;
+    const int steps_u = steps_to_neighbors(mesh, u), steps_v = steps_to_neighbors(mesh, v);
+    for (int64_t i = 0; i < of_u.n; i++)
+        for (int step = 1; step <= steps_u; step++)
+            marks[vertex_after(mesh, of_u.corners[i], step)] = of_one;
     marks[v] = of_both;
     int n_common = 0;
-    for (int64_t i = 0; i < n_v; i++) {
-        for (int step = 1; step < 3; step++) {
-            const int32_t neighbor = vertex_after(mesh, mesh->corners_v[i], step);
-            if (marks[neighbor] == of_u) {
-                marks[neighbor] = of_both;
-                n_common++;
-            }
+    for (int64_t i = 0; i < of_v.n; i++) {
+        for (int step = 1; step <= steps_v; step++) {
+            int32_t *mark = &marks[vertex_after(mesh, of_v.corners[i], step)];
+            n_common += *mark == of_one;
+            *mark += *mark == of_one; /* of both */
         }
     }
-    if (n_common != n_edge_faces || (n_u == n_edge_faces && n_v == n_edge_faces))
+    if (n_common != n_edge_faces || (of_u.n == n_edge_faces && of_v.n == n_edge_faces))
         return false;
     const bool *is_shared = mesh->is_shared;
-    for (int64_t i = 0; i < n_u; i++) {
-        const int32_t a = vertex_after(mesh, mesh->corners_u[i], 1);
-        const int32_t b = vertex_after(mesh, mesh->corners_u[i], 2);
-        const bool is_new_a = marks[a] == of_u, is_new_b = marks[b] == of_u;
+    if (!is_shared[v] && steps_u == 1 && of_u.n > 3)
+        return true; /* each further face of u has a vertex that v does not know */
+    for (int64_t i = 0; i < of_u.n; i++) {
+        const int32_t a = vertex_after(mesh, of_u.corners[i], 1);
+        const int32_t b = vertex_after(mesh, of_u.corners[i], 2);
+        const bool is_new_a = marks[a] == of_one, is_new_b = marks[b] == of_one;
         if (is_shared[v] && ((is_new_a && is_shared[a]) || (is_new_b && is_shared[b])))
             return false;
         if (a == v || b == v || is_new_a || is_new_b)
             continue;
         /* Three corners at u alone: v may have a face with the other two, as in a tetrahedron, here
            or beyond this mesh. */
-        if (is_shared[v] && is_shared[a] && is_shared[b])
+        if ((is_shared[v] && is_shared[a] && is_shared[b]) || has_face(mesh, of_v, a, b))
             return false;
-        for (int64_t j = 0; j < n_v; j++) {
-            const int32_t c = vertex_after(mesh, mesh->corners_v[j], 1);
-            const int32_t d = vertex_after(mesh, mesh->corners_v[j], 2);
-            if ((c == a && d == b) || (c == b && d == a))
-                return false;
-        }
     }
     return true;
 }
 
 /* Whether the faces at some corners keep their side when those corners move to a place. */
 static bool sides_stay(
-    const struct collapsible_mesh *mesh, int64_t n, const int32_t *corners, int32_t other,
+    const struct collapsible_mesh *mesh, int32_t vertex, struct corners around, int32_t other,
     struct vector place)
 {
-    for (int64_t i = 0; i < n; i++) {
-        const int32_t next = vertex_after(mesh, corners[i], 1);
-        const int32_t previous = vertex_after(mesh, corners[i], 2);
+    const struct vector from = vector_at(mesh->points[vertex]);
+    for (int64_t i = 0; i < around.n; i++) {
+        const int32_t next = vertex_after(mesh, around.corners[i], 1);
+        const int32_t previous = vertex_after(mesh, around.corners[i], 2);
         if (next == other || previous == other)
             continue;
-        const struct vector from = vector_at(mesh->points[vertex_at_corner(mesh, corners[i])]);
         const struct vector a = vector_at(mesh->points[next]);
         const struct vector ab = minus(vector_at(mesh->points[previous]), a);
         const struct vector before = cross(ab, minus(from, a)), after = cross(ab, minus(place, a));
@@ -220,37 +246,85 @@ bool can_collapse(
     struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
     struct collapse *collapse)
 {
-    const int64_t n_u = list_corners(mesh, u, mesh->corners_u);
-    if (!find_edge(mesh, u, v, n_u, collapse) || !sides_stay(mesh, n_u, mesh->corners_u, v, place))
-        return false;
-    const int64_t n_v = list_corners(mesh, v, mesh->corners_v);
-    return link_allows(mesh, v, n_u, n_v, collapse->n_faces)
+    const struct corners of_u = corners_of(mesh, u), of_v = corners_of(mesh, v);
+    return find_edge(mesh, u, v, of_u, collapse) && sides_stay(mesh, u, of_u, v, place)
+        && link_allows(mesh, u, v, of_u, of_v, collapse->n_faces)
         && (memcmp(mesh->points[v], &place, sizeof place) == 0
-            || sides_stay(mesh, n_v, mesh->corners_v, u, place));
+            || sides_stay(mesh, v, of_v, u, place));
+}
+
+/* Remove a face from the corners of its vertex, in order. */
+static void forget_corner(struct collapsible_mesh *mesh, int32_t vertex, int32_t face)
+{
+    struct corner_list *list = &mesh->lists[vertex];
+    int32_t *corners = mesh->pool + list->start;
+    int32_t n = 0;
+    for (int32_t i = 0; i < list->count; i++) {
+        corners[n] = corners[i];
+        n += corners[i] >> 2 != face;
+    }
+    list->count = n;
+}
+
+/* Move the lists of the vertices together, in the other pool. */
+static void tidy_pool(struct collapsible_mesh *mesh)
+{
+    int32_t *tidied = mesh->spare_pool;
+    int64_t n = 0;
+    for (int64_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
+        struct corner_list *list = &mesh->lists[vertex];
+        memcpy(tidied + n, mesh->pool + list->start, (size_t)list->count * sizeof *tidied);
+        list->start = n;
+        list->room = list->count;
+        n += list->count;
+    }
+    mesh->spare_pool = mesh->pool;
+    mesh->pool = tidied;
+    mesh->n_pool = n;
+}
+
+/* Make the list of a vertex the merged one. */
+static void take_merged(struct collapsible_mesh *mesh, int32_t vertex, int32_t n)
+{
+    struct corner_list *list = &mesh->lists[vertex];
+    list->count = 0;
+    if (n > list->room) {
+        const int32_t room = n + n / 2;
+        if (mesh->n_pool + room > mesh->most_pool)
+            tidy_pool(mesh);
+        list->start = mesh->n_pool;
+        list->room = room;
+        mesh->n_pool += room;
+    }
+    list->count = n;
+    memcpy(mesh->pool + list->start, mesh->merged, (size_t)n * sizeof *mesh->merged);
 }
 
 void collapse_edge(
     struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
     const struct collapse *collapse)
 {
-    int32_t corner = mesh->first_corners[u];
-    while (corner >= 0) {
-        const int32_t next = mesh->next_corners[corner];
-        int32_t *face = mesh->faces[corner / 3];
-        if (face[0] >= 0 && (face[0] == v || face[1] == v || face[2] == v)) {
+    const struct corners of_u = corners_of(mesh, u), of_v = corners_of(mesh, v);
+    int32_t n = 0;
+    for (int64_t i = of_u.n - 1; i >= 0; i--) {
+        const int32_t corner = of_u.corners[i];
+        int32_t *face = mesh->faces[corner >> 2];
+        const int32_t next = vertex_after(mesh, corner, 1), previous = vertex_after(mesh, corner, 2);
+        if (next == v || previous == v) {
+            forget_corner(mesh, next == v ? previous : next, corner >> 2);
             face[0] = face[1] = face[2] = -1;
             mesh->n_left--;
-        } else if (face[0] >= 0) {
-            int32_t *wedge = &mesh->wedges[corner / 3][corner % 3];
+        } else {
+            int32_t *wedge = &mesh->wedges[corner >> 2][corner & 3];
             *wedge = collapse->wedges_v[*wedge != collapse->wedges_u[0]];
-            face[corner % 3] = v;
-            mesh->next_corners[corner] = mesh->first_corners[v];
-            mesh->first_corners[v] = corner;
+            face[corner & 3] = v;
+            mesh->merged[n++] = corner;
         }
-        corner = next;
     }
-    mesh->first_corners[u] = -1;
-    mesh->points[v][0] = place.x;
-    mesh->points[v][1] = place.y;
-    mesh->points[v][2] = place.z;
+    for (int64_t i = 0; i < of_v.n; i++)
+        if (mesh->faces[of_v.corners[i] >> 2][0] >= 0)
+            mesh->merged[n++] = of_v.corners[i];
+    mesh->lists[u].count = 0;
+    take_merged(mesh, v, n);
+    memcpy(mesh->points[v], &place, sizeof place);
 }

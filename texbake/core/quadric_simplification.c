@@ -42,18 +42,22 @@ static const double REMEMBERED = 0.3;
 /* A face is not turned further than this cosine by one collapse. */
 static const double LEAST_COSINE = 0.2;
 
+enum { CHILDREN = 4 }; /* of each place of the heap; they share a cache line */
+
 static inline bool comes_before(struct waiting a, struct waiting b)
 {
-    return a.cost < b.cost || (a.cost == b.cost && a.vertex < b.vertex);
+    return (a.cost < b.cost) | ((a.cost == b.cost) & (a.vertex < b.vertex));
 }
 
 static void sift_down(struct simplification *s, int64_t at)
 {
     struct waiting *heap = s->heap;
     const struct waiting moved = heap[at];
-    while (2 * at + 1 < s->n_heap) {
-        int64_t child = 2 * at + 1;
-        child += child + 1 < s->n_heap && comes_before(heap[child + 1], heap[child]);
+    while (CHILDREN * at + 1 < s->n_heap) {
+        const int64_t first = CHILDREN * at + 1, end = min_i64(first + CHILDREN, s->n_heap);
+        int64_t child = first;
+        for (int64_t other = first + 1; other < end; other++)
+            child = comes_before(heap[other], heap[child]) ? other : child;
         if (!comes_before(heap[child], moved))
             break;
         heap[at] = heap[child];
@@ -65,9 +69,9 @@ static void sift_down(struct simplification *s, int64_t at)
 static void push(struct simplification *s, struct waiting added)
 {
     int64_t at = s->n_heap++;
-    while (at > 0 && comes_before(added, s->heap[(at - 1) / 2])) {
-        s->heap[at] = s->heap[(at - 1) / 2];
-        at = (at - 1) / 2;
+    while (at > 0 && comes_before(added, s->heap[(at - 1) / CHILDREN])) {
+        s->heap[at] = s->heap[(at - 1) / CHILDREN];
+        at = (at - 1) / CHILDREN;
     }
     s->heap[at] = added;
     s->is_waiting[added.vertex] = true;
@@ -98,19 +102,20 @@ static void add_edge_plane(
     add_plane(&s->quadrics[head], unit, from, weight * dot(along, along));
 }
 
-/* Weight of the edge from a corner to the next, among the corners of its tail: 0 inside a surface. */
-static double edge_weight(const struct collapsible_mesh *mesh, int32_t corner, int64_t n)
+/* Weight of the edge from a corner to the next, among those of its tail: 0 inside a surface. */
+static double edge_weight(
+    const struct collapsible_mesh *mesh, int32_t corner, struct corners of_tail)
 {
-    const int32_t *face = mesh->faces[corner / 3], *wedges = mesh->wedges[corner / 3];
-    const int k = corner % 3;
+    const int32_t *face = mesh->faces[corner >> 2], *wedges = mesh->wedges[corner >> 2];
+    const int k = corner & 3;
     const int32_t head = face[(k + 1) % 3];
-    for (int64_t i = 0; i < n; i++) {
-        const int32_t other = mesh->corners_u[i], *wedges_across = mesh->wedges[other / 3];
+    for (int64_t i = 0; i < of_tail.n; i++) {
+        const int32_t other = of_tail.corners[i], *wedges_across = mesh->wedges[other >> 2];
         const int step = vertex_after(mesh, other, 2) == head ? 2 : 1;
         if (other == corner || vertex_after(mesh, other, step) != head)
             continue;
-        const bool is_seam = wedges_across[other % 3] != wedges[k]
-            || wedges_across[(other % 3 + step) % 3] != wedges[(k + 1) % 3];
+        const bool is_seam = wedge_at(mesh, other) != wedges[k]
+            || wedges_across[((other & 3) + step) % 3] != wedges[(k + 1) % 3];
         return is_seam ? SEAM_WEIGHT : 0.0;
     }
     return BOUNDARY_WEIGHT;
@@ -139,17 +144,16 @@ static void add_face_quadrics(struct simplification *s)
 }
 
 /* Whether an edge of a vertex may lie at a boundary or a seam. */
-static bool may_have_side(const struct collapsible_mesh *mesh, int32_t vertex, int64_t n)
+static bool may_have_side(
+    const struct collapsible_mesh *mesh, int32_t vertex, struct corners around)
 {
-    if (n > MOST_CORNERS)
+    if (around.n > MOST_CORNERS)
         return false;
     if (mesh->kinds[vertex] != INTERIOR)
         return true;
-    for (int64_t i = 1; i < n; i++) {
-        const int32_t one = mesh->corners_u[0], other = mesh->corners_u[i];
-        if (mesh->wedges[one / 3][one % 3] != mesh->wedges[other / 3][other % 3])
+    for (int64_t i = 1; i < around.n && mesh->wedges != mesh->faces; i++)
+        if (wedge_at(mesh, around.corners[0]) != wedge_at(mesh, around.corners[i]))
             return true;
-    }
     return false; /* a seam that ends here has two wedges at the other end */
 }
 
@@ -158,14 +162,14 @@ static void add_edge_quadrics(struct simplification *s)
 {
     struct collapsible_mesh *mesh = &s->mesh;
     for (int32_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
-        const int64_t n = list_corners(mesh, vertex, mesh->corners_u);
-        if (!may_have_side(mesh, vertex, n))
+        const struct corners around = corners_of(mesh, vertex);
+        if (!may_have_side(mesh, vertex, around))
             continue;
-        for (int64_t i = 0; i < n; i++) {
-            const int32_t corner = mesh->corners_u[i];
-            const double weight = edge_weight(mesh, corner, n);
+        for (int64_t i = 0; i < around.n; i++) {
+            const int32_t corner = around.corners[i];
+            const double weight = edge_weight(mesh, corner, around);
             if (weight > 0.0)
-                add_edge_plane(s, mesh->faces[corner / 3], corner % 3, weight);
+                add_edge_plane(s, mesh->faces[corner >> 2], corner & 3, weight);
         }
     }
 }
@@ -218,34 +222,47 @@ static inline double cost_of(
     if (may_meet(s, u, v))
         return least_error(s, u, v, place);
     *place = vector_at(s->mesh.points[v]);
-    return quadric_at(&s->quadrics[u], *place) + s->errors[v];
+    return quadric_at(&s->quadrics[u], *place) + s->mesh.points[v][3];
 }
 
-/* How many corners on from those of a vertex each of its neighbors is met. */
-static inline int steps_to_neighbors(const struct collapsible_mesh *mesh, int32_t vertex)
+/* Whether a collapse is cheaper than another, and comes after a third one. */
+static inline bool comes_between(
+    double cost, int32_t v, double least, int32_t target, double cost_before, int32_t before)
 {
-    return mesh->kinds[vertex] == INTERIOR && !mesh->is_mixed ? 1 : 2;
+    return ((cost < least) | ((cost == least) & (v < target)))
+        & ((cost > cost_before) | ((cost == cost_before) & (v > before)));
 }
 
 /* Set a vertex's cheapest collapse, of those that come after one that is not possible: of a higher
    cost, or of the same and a higher target. Returns its cost. */
 static double choose_target(struct simplification *s, int32_t u, double cost_before, int32_t before)
 {
-    struct collapsible_mesh *mesh = &s->mesh;
+    const struct collapsible_mesh *mesh = &s->mesh;
     double least = INFINITY;
     int32_t target = -1;
-    const int64_t n = may_leave(s, u) ? list_corners(mesh, u, s->around) : 0;
+    const struct corners around = may_leave(s, u) ? corners_of(mesh, u) : (struct corners){0};
     const int n_steps = steps_to_neighbors(mesh, u);
-    for (int64_t i = 0; i < n; i++) {
+    if (n_steps == 1 && !s->moves) {
+        const struct quadric quadric = s->quadrics[u];
+        for (int64_t i = 0; i < around.n; i++) {
+            const int32_t v = vertex_after(mesh, around.corners[i], 1);
+            const double *point = mesh->points[v];
+            const double cost = quadric_at(&quadric, vector_at(point)) + point[3];
+            const bool is_next = comes_between(cost, v, least, target, cost_before, before);
+            least = is_next ? cost : least;
+            target = is_next ? v : target;
+        }
+        s->targets[u] = target;
+        return least;
+    }
+    for (int64_t i = 0; i < around.n; i++) {
         for (int step = 1; step <= n_steps; step++) {
-            const int32_t v = vertex_after(mesh, s->around[i], step);
+            const int32_t v = vertex_after(mesh, around.corners[i], step);
             if (!may_go(s, u, v))
                 continue;
             struct vector place;
             const double cost = cost_of(s, u, v, &place);
-            if (!(cost < least || (cost == least && v < target)))
-                continue;
-            if (cost < cost_before || (cost == cost_before && v <= before))
+            if (!comes_between(cost, v, least, target, cost_before, before))
                 continue;
             least = cost;
             target = v;
@@ -275,13 +292,12 @@ static void wait_again(struct simplification *s, int32_t u)
    once, the others when it is their turn. Errors grow, so that few come too late. */
 static void update_around(struct simplification *s, int32_t v)
 {
-    struct collapsible_mesh *mesh = &s->mesh;
-    const int64_t n = list_corners(mesh, v, mesh->corners_v);
-    const int n_steps = steps_to_neighbors(mesh, v);
+    const struct corners around = corners_of(&s->mesh, v);
+    const int n_steps = steps_to_neighbors(&s->mesh, v);
     wait_again(s, v);
-    for (int64_t i = 0; i < n; i++)
+    for (int64_t i = 0; i < around.n; i++)
         for (int step = 1; step <= n_steps; step++)
-            wait_again(s, vertex_after(mesh, mesh->corners_v[i], step));
+            wait_again(s, vertex_after(&s->mesh, around.corners[i], step));
 }
 
 static void fill_heap(struct simplification *s)
@@ -294,20 +310,20 @@ static void fill_heap(struct simplification *s)
         s->is_waiting[vertex] = true;
         s->heap[s->n_heap++] = (struct waiting){cost, vertex};
     }
-    for (int64_t at = s->n_heap / 2 - 1; at >= 0; at--)
+    for (int64_t at = (s->n_heap - 2) / CHILDREN; at >= 0; at--)
         sift_down(s, at);
 }
 
 /* Count the wedges of each vertex, up to three. */
 static void count_wedges(struct simplification *s)
 {
-    struct collapsible_mesh *mesh = &s->mesh;
+    const struct collapsible_mesh *mesh = &s->mesh;
     for (int32_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
-        const int64_t n = list_corners(mesh, vertex, mesh->corners_u);
+        const struct corners around = corners_of(mesh, vertex);
         int32_t found[3];
         int n_found = 0;
-        for (int64_t i = 0; i < n && n_found < 3; i++) {
-            const int32_t wedge = mesh->wedges[mesh->corners_u[i] / 3][mesh->corners_u[i] % 3];
+        for (int64_t i = 0; i < around.n && n_found < 3; i++) {
+            const int32_t wedge = wedge_at(mesh, around.corners[i]);
             bool is_new = true;
             for (int j = 0; j < n_found; j++)
                 is_new = is_new && found[j] != wedge;
@@ -332,18 +348,29 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
         count_wedges(s);
     s->quadrics = take_zeros(arena, n, sizeof *s->quadrics);
     for (int64_t vertex = 0; s->so_far && vertex < n; vertex++)
-        s->quadrics[vertex] = scaled_quadric(&s->so_far[vertex], REMEMBERED);
-    s->errors = TAKE(arena, double, n);
+        s->quadrics[vertex] = scaled_quadric(&s->so_far[s->vertex_ids[vertex]], REMEMBERED);
     s->targets = TAKE(arena, int32_t, n);
-    s->heap = TAKE(arena, struct waiting, n);
+    s->heap = TAKE(arena, struct waiting, n + CHILDREN - 1) + CHILDREN - 1;
     s->is_waiting = TAKE_ZEROS(arena, bool, n);
     s->is_stale = TAKE_ZEROS(arena, bool, n);
-    s->around = TAKE(arena, int32_t, mesh->n_faces);
     add_face_quadrics(s);
     add_edge_quadrics(s);
     for (int64_t vertex = 0; vertex < n; vertex++)
-        s->errors[vertex] = quadric_at(&s->quadrics[vertex], vector_at(mesh->points[vertex]));
+        mesh->points[vertex][3] = quadric_at(
+            &s->quadrics[vertex], vector_at(mesh->points[vertex]));
     fill_heap(s);
+}
+
+/* Bring into the cache what the vertices need that may be first in the heap after this one. */
+static inline void fetch_next(const struct simplification *s)
+{
+    for (int64_t i = 1; i <= CHILDREN && i < s->n_heap; i++) {
+        const int32_t next = s->heap[i].vertex;
+        const struct quadric *quadric = &s->quadrics[next];
+        __builtin_prefetch(quadric);
+        __builtin_prefetch(&quadric->c);
+        __builtin_prefetch(s->mesh.pool + s->mesh.lists[next].start);
+    }
 }
 
 /* Make the cheapest collapse; false where none is possible. */
@@ -353,16 +380,17 @@ bool collapse_cheapest(
     while (s->n_heap > 0) {
         struct waiting *first = s->heap;
         *u = first->vertex;
+        fetch_next(s);
         if (!s->is_stale[*u]) {
             const int32_t v = s->targets[*u];
-            struct vector place;
-            *cost = cost_of(s, *u, v, &place);
+            struct vector place = vector_at(s->mesh.points[v]);
+            *cost = s->moves ? cost_of(s, *u, v, &place) : first->cost;
             if (can_collapse(&s->mesh, *u, v, place, collapse)
                 && carry_attributes(&s->mesh, &s->attributes, *u, v, place, collapse)) {
                 drop_first(s);
                 collapse_edge(&s->mesh, *u, v, place, collapse);
                 s->quadrics[v] = add_quadrics(&s->quadrics[*u], &s->quadrics[v]);
-                s->errors[v] = quadric_at(&s->quadrics[v], place);
+                s->mesh.points[v][3] = quadric_at(&s->quadrics[v], place);
                 update_around(s, v);
                 return true;
             }
@@ -378,32 +406,64 @@ bool collapse_cheapest(
     return false;
 }
 
+/* Fill a mesh with faces of wedges, its vertices numbered in order without those that no face has. */
+static void take_faces(
+    struct arena *arena, struct simplification *s, int64_t n_vertices, int64_t n_faces,
+    const int32_t *vertex_of, const double (*points)[3], const int32_t (*faces)[3])
+{
+    struct collapsible_mesh *mesh = &s->mesh;
+    int32_t *numbers = TAKE_ZEROS(arena, int32_t, n_vertices);
+    for (int64_t face = 0; face < n_faces; face++)
+        for (int k = 0; k < 3; k++)
+            numbers[vertex_of[faces[face][k]]] = 1;
+    s->vertex_ids = TAKE(arena, int32_t, n_vertices);
+    mesh->n_vertices = 0;
+    for (int32_t vertex = 0; vertex < n_vertices; vertex++) {
+        s->vertex_ids[mesh->n_vertices] = vertex;
+        mesh->n_vertices += numbers[vertex];
+        numbers[vertex] = (int32_t)mesh->n_vertices - 1;
+    }
+    mesh->n_faces = n_faces;
+    mesh->faces = take(arena, n_faces, sizeof *mesh->faces);
+    mesh->wedges = take(arena, n_faces, sizeof *mesh->wedges);
+    for (int64_t face = 0; face < n_faces; face++) {
+        for (int k = 0; k < 3; k++) {
+            mesh->wedges[face][k] = faces[face][k];
+            mesh->faces[face][k] = numbers[vertex_of[faces[face][k]]];
+        }
+    }
+    mesh->points = take(arena, mesh->n_vertices, sizeof *mesh->points);
+    for (int64_t vertex = 0; vertex < mesh->n_vertices; vertex++)
+        memcpy(mesh->points[vertex], points[s->vertex_ids[vertex]], sizeof *points);
+    mesh->is_fixed = TAKE_ZEROS(arena, bool, mesh->n_vertices);
+    mesh->is_shared = TAKE_ZEROS(arena, bool, mesh->n_vertices);
+}
+
 /* Collapse edges until `n_wanted` faces are left or no edge can, with errors from the surface as it
    is now; return how many faces are left, in front of the others. */
 static int64_t simplify_from_here(
-    struct arena *arena, struct simplification *s, int64_t n_faces, const int32_t *vertex_of,
-    int64_t n_wanted, bool lock_boundary)
+    struct arena *arena, struct simplification *s, int64_t n_vertices, int64_t n_faces,
+    const int32_t *vertex_of, double (*points)[3], int32_t (*faces)[3], int64_t n_wanted,
+    bool lock_boundary)
 {
-    struct collapsible_mesh *mesh = &s->mesh;
-    int32_t(*faces)[3] = mesh->wedges;
-    mesh->n_faces = n_faces;
-    mesh->faces = take(arena, n_faces, sizeof *mesh->faces);
-    mesh->is_fixed = TAKE_ZEROS(arena, bool, mesh->n_vertices);
-    mesh->is_shared = TAKE_ZEROS(arena, bool, mesh->n_vertices);
-    for (int64_t face = 0; face < n_faces; face++)
-        for (int k = 0; k < 3; k++)
-            mesh->faces[face][k] = vertex_of[faces[face][k]];
+    const struct collapsible_mesh *mesh = &s->mesh;
+    take_faces(
+        arena, s, n_vertices, n_faces, vertex_of, (const double(*)[3])points,
+        (const int32_t(*)[3])faces);
     begin_simplification(arena, s, lock_boundary);
     int32_t u;
     double cost;
     struct collapse collapse;
     while (mesh->n_left > n_wanted && collapse_cheapest(s, &u, &cost, &collapse))
         continue;
-    memcpy(s->so_far, s->quadrics, (size_t)mesh->n_vertices * sizeof *s->quadrics);
+    for (int64_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
+        s->so_far[s->vertex_ids[vertex]] = s->quadrics[vertex];
+        memcpy(points[s->vertex_ids[vertex]], mesh->points[vertex], sizeof *points);
+    }
     int64_t n_left = 0;
     for (int64_t face = 0; face < n_faces; face++)
         if (mesh->faces[face][0] >= 0)
-            memmove(faces[n_left++], faces[face], sizeof *faces);
+            memcpy(faces[n_left++], mesh->wedges[face], sizeof *faces);
     return n_left;
 }
 
@@ -420,7 +480,6 @@ EXPORT int64_t collapse_edges(
     int64_t n_wanted, bool moves, bool lock_boundary)
 {
     struct simplification s = {
-        .mesh = {.n_vertices = n_vertices, .points = points, .wedges = faces},
         .moves = moves,
         .attributes = {
             .uvs = {uvs ? 2 : 0, uv_rows, (double *)uvs, false},
@@ -434,7 +493,8 @@ EXPORT int64_t collapse_edges(
             continue;
         const arena_mark mark = mark_arena(arena);
         const int64_t n_before = n_left;
-        n_left = simplify_from_here(arena, &s, n_left, vertex_of, n_next, lock_boundary);
+        n_left = simplify_from_here(
+            arena, &s, n_vertices, n_left, vertex_of, points, faces, n_next, lock_boundary);
         reset_arena(arena, mark);
         if (n_left == n_before && !moves)
             break; /* other errors would not make a collapse possible */

@@ -103,37 +103,60 @@ enum { MOST_CORNERS = 512 };
 /* What the faces around a vertex are: a ring, a fan that ends at two edges, or anything else. */
 enum vertex_kind { INTERIOR, BOUNDARY, COMPLEX };
 
+/* The corners of a vertex lie together in the pool of its mesh; there is room for more of them. */
+struct corner_list {
+    int64_t start;
+    int32_t count, room;
+};
+
 /* A vertex is a place. A wedge is what corners at a place share: a mesh with seams has several at
-   some vertices, and one without has as many wedges as vertices. Corner 3 f + k is that of face f. */
+   some vertices, and one without has as many wedges as vertices. Corner 4 f + k is that of face f:
+   rows of four numbers seldom lie in two cache lines. */
 struct collapsible_mesh {
     int64_t n_vertices, n_faces, n_left;
-    double (*points)[3];
-    int32_t (*faces)[3];   /* the vertices of a face that is gone are -1 */
-    int32_t (*wedges)[3];
-    int32_t *next_corners; /* of the same vertex, -1 behind the last */
-    int32_t *first_corners;
+    double (*points)[4]; /* and the error there */
+    int32_t (*faces)[4]; /* the vertices of a face that is gone are -1 */
+    int32_t (*wedges)[4]; /* the same array where vertices and wedges have the same numbers */
+    struct corner_list *lists; /* of each vertex, in faces that are left */
+    int32_t *pool, *spare_pool;
+    int64_t n_pool, most_pool;
     uint8_t *kinds;
     bool is_mixed; /* some neighboring faces face opposite sides */
     bool *is_fixed;  /* stays, and where it is */
     bool *is_shared; /* used by faces beyond this mesh; such vertices get no new edge between them */
     double least_cosine; /* between the normals of a face before and after */
     /* Scratch: */
-    int32_t *marks, mark;
-    int32_t *corners_u, *corners_v;
+    int32_t *marks, mark, *merged;
 };
 
-/* The vertex of a corner, -1 in a face that is gone. */
-static inline int32_t vertex_at_corner(const struct collapsible_mesh *mesh, int32_t corner)
+/* Some corners, as a list of their numbers. */
+struct corners {
+    const int32_t *corners;
+    int64_t n;
+};
+
+static inline struct corners corners_of(const struct collapsible_mesh *mesh, int32_t vertex)
 {
-    const int32_t *vertices = mesh->faces[0];
-    return vertices[corner];
+    const struct corner_list *list = &mesh->lists[vertex];
+    return (struct corners){mesh->pool + list->start, list->count};
 }
 
 /* The vertex one or two corners on in the face of a corner. */
 static inline int32_t vertex_after(const struct collapsible_mesh *mesh, int32_t corner, int step)
 {
-    const int k = corner % 3;
-    return vertex_at_corner(mesh, corner + (step == 1 ? (k == 2 ? -2 : 1) : (k == 0 ? 2 : -1)));
+    const int k = corner & 3;
+    return mesh->faces[corner >> 2][step == 1 ? (k == 2 ? 0 : k + 1) : (k == 0 ? 2 : k - 1)];
+}
+
+static inline int32_t wedge_at(const struct collapsible_mesh *mesh, int32_t corner)
+{
+    return mesh->wedges[corner >> 2][corner & 3];
+}
+
+/* How many corners on from those of a vertex each of its neighbors is met. */
+static inline int steps_to_neighbors(const struct collapsible_mesh *mesh, int32_t vertex)
+{
+    return mesh->kinds[vertex] == INTERIOR && !mesh->is_mixed ? 1 : 2;
 }
 
 /* A collapse that has been looked at: how many faces have the edge, and the wedges that become
@@ -144,7 +167,6 @@ struct collapse {
 };
 
 void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh);
-int64_t list_corners(struct collapsible_mesh *mesh, int32_t vertex, int32_t *corners);
 bool can_collapse(
     struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
     struct collapse *collapse);
@@ -167,8 +189,8 @@ struct carried_attributes {
 };
 
 bool carry_attributes(
-    struct collapsible_mesh *mesh, const struct carried_attributes *attributes, int32_t u, int32_t v,
-    struct vector place, const struct collapse *collapse);
+    const struct collapsible_mesh *mesh, const struct carried_attributes *attributes, int32_t u,
+    int32_t v, struct vector place, const struct collapse *collapse);
 
 /* quadric_simplification.c */
 
@@ -183,14 +205,13 @@ struct simplification {
     bool moves; /* vertices go to the place of least error, else one end of the edge stays */
     uint8_t *n_wedges; /* of each vertex that may move: 1, 2 at a seam, and 3 for more */
     struct quadric *quadrics;
-    struct quadric *so_far; /* of each vertex when the errors started again; NULL if they never do */
-    double *errors; /* of each vertex where it is */
+    struct quadric *so_far; /* of all vertices when the errors started again; NULL if they never do */
+    int32_t *vertex_ids; /* which of those the vertices of the mesh are */
     int32_t *targets; /* of each vertex's cheapest collapse, -1 for none */
     struct waiting *heap; /* of the vertices, by the cost of those */
     int64_t n_heap;
     bool *is_waiting; /* in the heap */
     bool *is_stale;   /* something around it has changed since its collapse was chosen */
-    int32_t *around;  /* scratch */
 };
 
 void begin_simplification(struct arena *arena, struct simplification *s, bool lock_boundary);
