@@ -35,25 +35,49 @@ EXPORT int64_t mark_shared_vertices(
     return 0;
 }
 
-/* Number ids in the order in which they appear; write which they are, and return how many. */
-static int32_t number_ids(struct arena *arena, int64_t n, int32_t *ids, int32_t *firsts)
+/* How many looks at corners it takes at the least to collapse edges into vertices that have at least
+   `crowd` corners: the squares of their numbers. */
+EXPORT int64_t count_looks(
+    int64_t n_wedges, int64_t n_vertices, int64_t n_faces, const int32_t vertex_of[n_wedges],
+    const int32_t faces[n_faces][3], int64_t crowd)
+{
+    OPEN_ARENA(arena);
+    int32_t *counts = TAKE_ZEROS(arena, int32_t, n_vertices);
+    for (int64_t face = 0; face < n_faces; face++)
+        for (int k = 0; k < 3; k++)
+            counts[vertex_of[faces[face][k]]]++;
+    int64_t n_looks = 0;
+    for (int64_t vertex = 0; vertex < n_vertices; vertex++)
+        n_looks += counts[vertex] >= crowd ? (int64_t)counts[vertex] * counts[vertex] : 0;
+    close_arena(arena);
+    return n_looks;
+}
+
+/* Number the wedges of faces, or their vertices, in the order in which they appear; write which they
+   are, and return how many. */
+static int32_t number_corners(
+    struct arena *arena, int64_t n_faces, const int32_t (*faces)[3], const int32_t *vertex_of,
+    int32_t (*numbers)[4], int32_t *firsts)
 {
     int64_t size = 2;
-    while (size < 2 * n)
+    while (size < 6 * n_faces)
         size *= 2;
     const arena_mark mark = mark_arena(arena);
     int32_t *slots = TAKE(arena, int32_t, size);
     memset(slots, 0xFF, (size_t)size * sizeof *slots); /* -1 */
     int32_t n_ids = 0;
-    for (int64_t i = 0; i < n; i++) {
-        uint64_t slot = (uint32_t)ids[i] * 0x9E3779B97F4A7C15u >> 32 & (uint64_t)(size - 1);
-        while (slots[slot] >= 0 && firsts[slots[slot]] != ids[i])
-            slot = (slot + 1) & (uint64_t)(size - 1);
-        if (slots[slot] < 0) {
-            slots[slot] = n_ids;
-            firsts[n_ids++] = ids[i];
+    for (int64_t face = 0; face < n_faces; face++) {
+        for (int k = 0; k < 3; k++) {
+            const int32_t id = vertex_of ? vertex_of[faces[face][k]] : faces[face][k];
+            uint64_t slot = (uint32_t)id * 0x9E3779B97F4A7C15u >> 32 & (uint64_t)(size - 1);
+            while (slots[slot] >= 0 && firsts[slots[slot]] != id)
+                slot = (slot + 1) & (uint64_t)(size - 1);
+            if (slots[slot] < 0) {
+                slots[slot] = n_ids;
+                firsts[n_ids++] = id;
+            }
+            numbers[face][k] = slots[slot];
         }
-        ids[i] = slots[slot];
     }
     reset_arena(arena, mark);
     return n_ids;
@@ -62,21 +86,18 @@ static int32_t number_ids(struct arena *arena, int64_t n, int32_t *ids, int32_t 
 /* Fill a mesh with some faces of wedges, numbered on their own; return which wedges they are. */
 static int32_t *cut_out(
     struct arena *arena, int64_t n_faces, const int32_t (*faces)[3], const int32_t *vertex_of,
-    const double (*points)[3], const bool *is_shared, struct collapsible_mesh *mesh)
+    bool has_seams, const double (*points)[3], const bool *is_shared, struct collapsible_mesh *mesh)
 {
     int32_t *wedge_ids = TAKE(arena, int32_t, 3 * n_faces);
     int32_t *vertex_ids = TAKE(arena, int32_t, 3 * n_faces);
     mesh->n_faces = n_faces;
-    mesh->wedges = take(arena, n_faces, sizeof *mesh->wedges);
     mesh->faces = take(arena, n_faces, sizeof *mesh->faces);
-    for (int64_t face = 0; face < n_faces; face++) {
-        for (int k = 0; k < 3; k++) {
-            mesh->wedges[face][k] = faces[face][k];
-            mesh->faces[face][k] = vertex_of[faces[face][k]];
-        }
-    }
-    number_ids(arena, 3 * n_faces, *mesh->wedges, wedge_ids);
-    const int32_t n = number_ids(arena, 3 * n_faces, *mesh->faces, vertex_ids);
+    mesh->wedges = has_seams ? take(arena, n_faces, sizeof *mesh->wedges) : mesh->faces;
+    int32_t n = number_corners(arena, n_faces, faces, NULL, mesh->wedges, wedge_ids);
+    if (has_seams)
+        n = number_corners(arena, n_faces, faces, vertex_of, mesh->faces, vertex_ids);
+    for (int32_t wedge = 0; !has_seams && wedge < n; wedge++)
+        vertex_ids[wedge] = vertex_of[wedge_ids[wedge]];
     mesh->n_vertices = n;
     mesh->points = take(arena, n, sizeof *mesh->points);
     mesh->is_fixed = TAKE(arena, bool, n);
@@ -101,7 +122,8 @@ EXPORT int64_t log_collapses(
     OPEN_ARENA(arena);
     struct simplification s = {.moves = false};
     const int32_t *wedge_ids = cut_out(
-        arena, stop - start, faces + start, vertex_of, points, is_shared, &s.mesh);
+        arena, stop - start, faces + start, vertex_of, n_wedges != n_vertices, points, is_shared,
+        &s.mesh);
     begin_simplification(arena, &s, lock_boundary);
     int64_t row = start;
     float error = 0.0f;
@@ -125,6 +147,21 @@ EXPORT int64_t log_collapses(
     }
     close_arena(arena);
     return row - start;
+}
+
+/* Add how many faces went to the bin of each error, its first bits; return how many bins are used. */
+EXPORT int64_t add_by_error(
+    int64_t n, int64_t n_bins, const float errors[n], const uint8_t n_gone[n], int64_t shift,
+    int64_t bins[n_bins])
+{
+    uint32_t most = 0;
+    for (int64_t i = 0; i < n; i++) {
+        uint32_t bits;
+        memcpy(&bits, &errors[i], sizeof bits);
+        bins[bits >> shift] += n_gone[i];
+        most = bits > most ? bits : most;
+    }
+    return (most >> shift) + 1;
 }
 
 /* Make the collapses with an error of at most `limit`, over faces that are overwritten by those that

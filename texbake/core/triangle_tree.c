@@ -19,6 +19,16 @@
 
 enum { LEAF_SIZE = 4 };
 
+/* The low 21 bits, each followed by two zeros. */
+static inline uint64_t spread(uint64_t bits)
+{
+    bits = (bits | bits << 32) & 0x001F00000000FFFF;
+    bits = (bits | bits << 16) & 0x001F0000FF0000FF;
+    bits = (bits | bits << 8) & 0x100F00F00F00F00F;
+    bits = (bits | bits << 4) & 0x10C30C30C30C30C3;
+    return (bits | bits << 2) & 0x1249249249249249;
+}
+
 /* Keys of faces start to stop - 1: the Morton code of their center, then their id. */
 EXPORT void morton_keys(
     int64_t n_vertices, int64_t n_faces,
@@ -36,8 +46,7 @@ EXPORT void morton_keys(
                 most = max_f64(most, value);
             }
             const uint64_t cell = (uint64_t)((0.5 * least + 0.5 * most - low[axis]) * cells_a_unit);
-            for (int64_t bit = 0; bit < axis_bits; bit++)
-                code |= (cell >> bit & 1) << (3 * bit + axis);
+            code |= spread(cell & ((1u << axis_bits) - 1)) << axis;
         }
         keys[face] = code << id_bits | (uint64_t)face;
     }

@@ -64,6 +64,8 @@ def used_rows(corners: IntArray, n_rows: int) -> tuple[npt.NDArray[np.intp], Int
     """Rows that corners index, in order, and the corners as indices into those."""
     used = np.zeros(n_rows, dtype=np.bool_)
     used[corners.ravel()] = True
+    if used.all():
+        return np.arange(n_rows), corners.astype(np.int32)
     numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)
     return np.flatnonzero(used), numbers[corners]
 

@@ -87,7 +87,9 @@ def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
 
     Normals count where they differ at one position, and groups where an object has more than one.
     """
-    places = weld_vertices(mesh, threads=threads)[mesh.faces]
+    firsts = weld_vertices(mesh, threads=threads)
+    is_first = np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32))
+    places = mesh.faces if is_first else firsts[mesh.faces]
     columns = {}
     if mesh.uvs is not None:
         columns["uv_ids"] = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
@@ -112,7 +114,8 @@ def _weld(
     else:
         rows, corners = np.arange(mesh.n_vertices, dtype=np.int32)[:, None], places
     corners = corners[~repeated_vertices(corners)]
-    corners = _without_stacks(corners, rows[:, 0][corners], mesh.n_vertices)
+    places = rows[:, 0][corners] if columns else corners
+    corners = _without_stacks(corners, places, mesh.n_vertices)
     vertices, faces = used_rows(corners, len(rows))
     position_ids, *others = rows[vertices].T
     object_ids = None
@@ -289,5 +292,6 @@ def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexSt
 
 
 def with_three_places(stream: VertexStream, faces: IntArray) -> IntArray:
-    """Those of some faces whose corners lie at three places."""
-    return faces[~repeated_vertices(stream.position_ids[faces])]
+    """Those of some faces whose corners lie at three places, as a copy."""
+    places = stream.position_ids[faces] if stream.has_seams else faces
+    return faces[~repeated_vertices(places)]

@@ -56,7 +56,9 @@ class LocalFrame:
     def to_local(self, points: npt.ArrayLike) -> FloatArray:
         """(..., 3) float64: points of model space in local coordinates."""
         with np.errstate(over="ignore"):  # of a vertex that no face uses
-            return np.asarray((np.asarray(points, dtype=np.float64) - self.center) * self.scale)
+            local = np.asarray(np.asarray(points, dtype=np.float64) - self.center)
+            local *= self.scale
+        return local
 
     def to_model(self, points: npt.ArrayLike) -> FloatArray:
         """(..., 3) float64: local points in model coordinates."""
@@ -82,7 +84,11 @@ _CELLS = 2.0**28
 
 def snapped(values: npt.ArrayLike, cells: float, *, unit: float = 1.0) -> FloatArray:
     """Values as multiples of a unit, snapped to steps of 1 / cells; snapped ones do not change."""
-    return np.asarray(np.rint(np.asarray(values) * (cells / unit) - _PHASE) / cells)
+    steps = np.asarray(np.asarray(values) * (cells / unit))
+    steps -= _PHASE
+    np.rint(steps, out=steps)
+    steps /= cells
+    return steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +113,8 @@ class UnitGrid:
     def to_grid(self, points: npt.ArrayLike, cells: float = _CELLS) -> FloatArray:
         """(..., 3) float64: points of model space on a grid of `cells` cells along its side."""
         # Positions that no face uses can be anywhere, even where numbers overflow.
-        local = np.clip(self.frame.to_local(points), -1.0, 1.0)
+        local = self.frame.to_local(points)
+        np.clip(local, -1.0, 1.0, out=local)
         return snapped(local, cells, unit=self.side or np.inf)
 
     def length_to_grid(self, lengths: npt.ArrayLike) -> FloatArray:

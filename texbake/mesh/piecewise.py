@@ -120,17 +120,17 @@ def reduce_pieces(
 
 def _is_crowded(stream: VertexStream) -> bool:
     """Whether so many faces share vertices that collapsing their edges would take long."""
-    n_around = np.bincount(stream.vertices[0][stream.faces].ravel(), minlength=1)
-    crowds = n_around[n_around >= _CROWD].astype(np.float64)
-    return bool(np.square(crowds).sum() > _MOST_LOOKS)
+    vertex_of, points = stream.vertices
+    return bool(core.count_looks(len(points), vertex_of, stream.faces, _CROWD) > _MOST_LOOKS)
 
 
 def _error_limit(
     errors: npt.NDArray[np.float32], n_gone: npt.NDArray[np.uint8], n_wanted: int
 ) -> float:
     """Error up to which collapses take about `n_wanted` faces away, or all that are finite."""
-    bins = errors.view(np.uint32) >> _ERROR_SHIFT  # floats from 0 sort as their bits
-    sums = np.cumsum(np.bincount(bins, n_gone))
+    bins = np.zeros(1 << (32 - _ERROR_SHIFT), dtype=np.int64)  # floats from 0 sort as their bits
+    n_bins = core.add_by_error(errors, n_gone, _ERROR_SHIFT, bins)
+    sums = np.cumsum(bins[:n_bins])
     infinite = int(np.float32(np.inf).view(np.uint32)) >> _ERROR_SHIFT
     after = min(int(np.searchsorted(sums, n_wanted)) + 1, infinite)
     return float(np.uint32((after << _ERROR_SHIFT) - 1).view(np.float32))
