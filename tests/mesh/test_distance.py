@@ -9,6 +9,7 @@ from texbake.errors import OptionError
 from texbake.mesh.distance import sample_surface, surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
+from texbake.mesh.triangle_tree import TriangleTree
 
 
 def test_shifted_plane():
@@ -60,6 +61,25 @@ def test_threads_change_nothing_and_seeds_do():
     one = surface_distance(a, b, n_samples=30_000, threads=1)
     assert surface_distance(a, b, n_samples=30_000, threads=3) == one
     assert surface_distance(a, b, n_samples=30_000, seed=1) != one
+
+
+def test_the_error_of_the_rms_distance_covers_it():
+    sloped = plane(1, 1, lambda x, y: 0.01 * x)
+    for seed in range(20):
+        side = surface_distance(plane(), sloped, n_samples=200, seed=seed).b_to_a
+        assert abs(side.rms - 0.01 / np.sqrt(3.0)) < side.rms_error < 0.1 * side.rms
+
+
+@pytest.mark.parametrize("is_shuffled", [False, True])
+def test_few_points_find_the_same_distances_with_runs_of_faces(is_shuffled):
+    mesh, random = uv_sphere(80, 160), np.random.default_rng(5)
+    faces = mesh.faces[random.permutation(mesh.n_faces)] if is_shuffled else mesh.faces
+    points = random.normal(size=(100, 3))
+    tree = TriangleTree.for_points(len(points), mesh.positions, faces)
+    finest = TriangleTree.build(mesh.positions, faces)
+    assert (len(tree.nodes) < 0.25 * len(finest.nodes)) != is_shuffled
+    distances, expected = (each.closest_points(points)[0] for each in (tree, finest))
+    assert distances == pytest.approx(expected, rel=1e-12)
 
 
 def test_unused_vertices_do_not_count():

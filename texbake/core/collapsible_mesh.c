@@ -15,8 +15,6 @@
 #include <math.h>
 #include <string.h>
 
-enum { FREE_ROOM = 2 }; /* of a list, so that few of them have to move when they grow */
-
 /* Whether the walk from each corner of a vertex to the one whose next vertex is its previous one
    comes back after all of them. */
 static bool is_ring(int64_t n, const int32_t *next, const int32_t *previous)
@@ -93,12 +91,11 @@ static void list_corners(struct arena *arena, struct collapsible_mesh *mesh)
     int64_t start = 0;
     for (int64_t vertex = 0; vertex < mesh->n_vertices; vertex++) {
         lists[vertex].start = start;
-        lists[vertex].room += FREE_ROOM;
         start += lists[vertex].room;
     }
     mesh->lists = lists;
     mesh->n_pool = start;
-    mesh->most_pool = start + 5 * mesh->n_faces; /* a list that moves takes at most 4.5 */
+    mesh->most_pool = start + mesh->n_faces; /* the most corners of the vertex whose list moves */
     mesh->pool = TAKE(arena, int32_t, mesh->most_pool);
     mesh->spare_pool = TAKE(arena, int32_t, mesh->most_pool);
     for (int32_t face = 0; face < mesh->n_faces; face++) {
@@ -289,12 +286,11 @@ static void take_merged(struct collapsible_mesh *mesh, int32_t vertex, int32_t n
     struct corner_list *list = &mesh->lists[vertex];
     list->count = 0;
     if (n > list->room) {
-        const int32_t room = n + n / 2;
-        if (mesh->n_pool + room > mesh->most_pool)
+        if (mesh->n_pool + n > mesh->most_pool)
             tidy_pool(mesh);
         list->start = mesh->n_pool;
-        list->room = room;
-        mesh->n_pool += room;
+        list->room = n;
+        mesh->n_pool += n;
     }
     list->count = n;
     memcpy(mesh->pool + list->start, mesh->merged, (size_t)n * sizeof *mesh->merged);

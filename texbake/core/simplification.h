@@ -103,7 +103,7 @@ enum { MOST_CORNERS = 512 };
 /* What the faces around a vertex are: a ring, a fan that ends at two edges, or anything else. */
 enum vertex_kind { INTERIOR, BOUNDARY, COMPLEX };
 
-/* The corners of a vertex lie together in the pool of its mesh; there is room for more of them. */
+/* The corners of a vertex lie together in the pool of its mesh, where there may be room for more. */
 struct corner_list {
     int64_t start;
     int32_t count, room;

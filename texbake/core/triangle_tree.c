@@ -17,7 +17,19 @@
 #include "core.h"
 #include "numbers.h"
 
-enum { LEAF_SIZE = 4 };
+/* Areas of faces start to stop - 1. */
+EXPORT void measure_areas(
+    int64_t n_vertices, int64_t n_faces, const double positions[n_vertices][3],
+    const int32_t faces[n_faces][3], int64_t start, int64_t stop, double areas[n_faces])
+{
+    for (int64_t face = start; face < stop; face++) {
+        const struct vector a = vector_at(positions[faces[face][0]]);
+        const struct vector across = cross(
+            minus(vector_at(positions[faces[face][1]]), a),
+            minus(vector_at(positions[faces[face][2]]), a));
+        areas[face] = 0.5 * sqrt(dot(across, across));
+    }
+}
 
 /* The low 21 bits, each followed by two zeros. */
 static inline uint64_t spread(uint64_t bits)
@@ -98,15 +110,15 @@ static void bound_faces(
 EXPORT int64_t build_triangle_tree(
     int64_t n_vertices, int64_t n_faces, int64_t n_kept, int64_t n_most,
     const double positions[n_vertices][3], const int32_t faces[n_faces][3],
-    const int32_t ids[n_kept], const uint64_t codes[n_kept], float boxes[n_most][6],
-    int32_t nodes[n_most][2])
+    const int32_t ids[n_kept], const uint64_t codes[n_kept], int64_t leaf_size,
+    float boxes[n_most][6], int32_t nodes[n_most][2])
 {
     nodes[0][0] = 0;
     nodes[0][1] = (int32_t)n_kept;
     int64_t n_nodes = 1;
     for (int64_t node = 0; node < n_nodes; node++) {
         const int32_t first = nodes[node][0], count = nodes[node][1];
-        if (count <= LEAF_SIZE)
+        if (count <= leaf_size)
             continue;
         const int32_t split = split_place(codes, first, count);
         nodes[n_nodes][0] = first;

@@ -24,6 +24,7 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
 _DEFAULT_SAMPLES = 100_000
+REPORTED_SAMPLES = 10_000  # where a distance is only reported
 # Boxes that the searches of one surface may look at; at a point this many are always allowed. Where
 # triangles lie across one another by the ten thousand, so that each search looks at most of them,
 # fewer samples are taken.
@@ -39,12 +40,14 @@ class OneSidedDistance:
 
     `mean` and `rms` (root mean square) are over samples of equal area, `max` over those and the
     vertices, `p99` is what 99 % of the samples lie within. `n_samples` are those that were taken,
-    and `n_left_out` those that were not, because each would have taken too long.
+    and `n_left_out` those that were not, because each would have taken too long. `rms` has an error
+    of at most `rms_error` in 19 of 20 cases.
     """
 
     max: float
     p99: float
     rms: float
+    rms_error: float
     mean: float
     n_samples: int
     n_left_out: int
@@ -78,6 +81,11 @@ class SurfaceDistance:
     def rms(self) -> float:
         """Root mean square distance."""
         return max(self.a_to_b.rms, self.b_to_a.rms)
+
+    @property
+    def rms_error(self) -> float:
+        """Error of `rms`, from taking samples; see `OneSidedDistance`."""
+        return max(self.a_to_b, self.b_to_a, key=lambda side: side.rms).rms_error
 
     @property
     def mean(self) -> float:
@@ -176,7 +184,7 @@ def _one_sided(
 ) -> OneSidedDistance:
     """From the first mesh to the second, whose positions in the frame are `places`."""
     (positions, to_positions), faces = places, meshes[0].faces
-    tree = TriangleTree.build(to_positions, meshes[1].faces, threads=threads)
+    tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
     boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
     n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
     face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
@@ -184,16 +192,18 @@ def _one_sided(
     of_samples, _, _ = tree.closest_points(samples, threads=threads)
     vertices = _some_vertices(positions, faces, n)
     of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
-    figures = (
-        max(of_samples.max(), of_vertices.max()),
-        np.quantile(of_samples, 0.99),
-        np.sqrt(np.square(of_samples).mean()),
-        of_samples.mean(),
-    )
-    most, p99, rms, mean = (float(frame.length_to_model(figure)) for figure in figures)
-    return OneSidedDistance(
-        max=most, p99=p99, rms=rms, mean=mean, n_samples=n, n_left_out=n_samples - n
-    )
+    squares = np.square(of_samples)
+    rms = np.sqrt(squares.mean())
+    figures = {
+        "max": max(of_samples.max(), of_vertices.max()),
+        "p99": np.quantile(of_samples, 0.99),
+        "rms": rms,
+        # Two standard errors of independent samples; those of equal steps of area lie closer.
+        "rms_error": squares.std() / (np.sqrt(n) * rms) if rms > 0.0 else 0.0,
+        "mean": of_samples.mean(),
+    }
+    lengths = {name: float(frame.length_to_model(figure)) for name, figure in figures.items()}
+    return OneSidedDistance(**lengths, n_samples=n, n_left_out=n_samples - n)
 
 
 def sample_surface(
@@ -242,11 +252,13 @@ def _spread_samples(
 
 
 def face_areas(positions: FloatArray, faces: IntArray, *, threads: int | None = None) -> FloatArray:
-    """(F,) areas of triangles."""
+    """(F,) areas of triangles. Kernel: `core/triangle_tree.c`."""
     areas = np.empty(len(faces))
+    positions = np.ascontiguousarray(positions, dtype=np.float64)
+    faces = np.ascontiguousarray(faces, dtype=np.int32)
 
     def work(start: int, stop: int) -> None:
-        areas[start:stop] = 0.5 * pm.norm(area_vectors(positions, faces[start:stop]), axis=1)
+        core.measure_areas(positions, faces, start, stop, areas)
 
     run_bands(work, len(faces), band=1 << 16, threads=threads)
     return areas

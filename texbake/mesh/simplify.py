@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.distance import REPORTED_SAMPLES, SurfaceDistance, surface_distance
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
@@ -201,7 +201,7 @@ def simplify_with_report(
 def measured(mesh: Mesh | ReducedMesh, low: Mesh, *, threads: int | None) -> SurfaceDistance:
     """Measure the distance between a mesh, or one that stays in its file, and what it became."""
     if isinstance(mesh, Mesh):
-        return surface_distance(mesh, low, threads=threads)
+        return surface_distance(mesh, low, n_samples=REPORTED_SAMPLES, threads=threads)
     return mesh.distance(low, threads=threads)
 
 

@@ -18,6 +18,11 @@ from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
 
 _BAND = 1 << 13
+_LEAF = 4  # faces
+# Where points are so few that building a tree takes longer than searching it, its leaves are runs
+# of this many faces as the mesh lists them. They must mostly lie together: a search may look at no
+# more than this many boxes.
+_RUN, _FEW_POINTS, _MOST_BOXES = 32, 64, 1_000
 _THIN = 1e-3  # extent of a flat box, as a share of that of the whole along its axis
 
 
@@ -50,9 +55,36 @@ class TriangleTree:
         kept = without_copies(positions, faces, ids, codes)
         if not kept.all():
             ids, codes = ids[kept], codes[kept]
+        return cls._of_order(positions, faces, ids, codes, _LEAF)
+
+    @classmethod
+    def for_points(
+        cls, n_points: int, positions: FloatArray, faces: IntArray, *, threads: int | None = None
+    ) -> TriangleTree:
+        """Build the tree that is the quickest for so many points; distances are the same."""
+        if len(faces) > _FEW_POINTS * n_points:
+            runs, codes = morton_order(positions, faces[::_RUN].copy(), threads)
+            ids = (runs[:, None] * np.int32(_RUN) + np.arange(_RUN, dtype=np.int32)).ravel()
+            exist = ids < len(faces)
+            codes = np.repeat(codes, _RUN)
+            tree = cls._of_order(positions, faces, ids[exist], codes[exist], _RUN)
+            if tree.boxes_at_a_point() <= _MOST_BOXES:
+                return tree
+        return cls.build(positions, faces, threads=threads)
+
+    @classmethod
+    def _of_order(
+        cls,
+        positions: FloatArray,
+        faces: IntArray,
+        ids: IntArray,
+        codes: npt.NDArray[np.uint64],
+        leaf_size: int,
+    ) -> TriangleTree:
+        """Build the tree of faces in the order of their codes."""
         boxes = np.empty((2 * len(faces), 6), dtype=np.float32)
         nodes = np.empty((2 * len(faces), 2), dtype=np.int32)
-        n_nodes = core.build_triangle_tree(positions, faces, ids, codes, boxes, nodes)
+        n_nodes = core.build_triangle_tree(positions, faces, ids, codes, leaf_size, boxes, nodes)
         return cls(positions, faces, ids, boxes[:n_nodes], nodes[:n_nodes])
 
     def boxes_at_a_point(self) -> float:

@@ -37,7 +37,8 @@ def _table(result: JobResult[SimplifyReport]) -> Rows:
         ("method", report.method),
         (
             "distance, both ways",
-            f"RMS {distance.rms:.4g} ({100 * distance.rms_relative:.3f} % of the diagonal), "
+            f"RMS {distance.rms:.4g} ± {distance.rms_error:.1g} "
+            f"({100 * distance.rms_relative:.3f} % of the diagonal), "
             f"greatest {distance.max:.4g} ({100 * distance.max_relative:.3f} %)",
         ),
     ]
