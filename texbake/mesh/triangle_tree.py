@@ -64,7 +64,7 @@ class TriangleTree:
         """Build the tree that is the quickest for so many points; distances are the same."""
         if len(faces) > _FEW_POINTS * n_points:
             runs, codes = morton_order(positions, faces[::_RUN].copy(), threads)
-            ids = (runs[:, None] * np.int32(_RUN) + np.arange(_RUN, dtype=np.int32)).ravel()
+            ids = np.arange(len(runs) * _RUN, dtype=np.int32).reshape(-1, _RUN)[runs].ravel()
             exist = ids < len(faces)
             codes = np.repeat(codes, _RUN)
             tree = cls._of_order(positions, faces, ids[exist], codes[exist], _RUN)
