@@ -21,7 +21,7 @@ from .progress import JsonLines, Lines, ShownProgress
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
     from texbake.sampling.rounds import BudgetClock
 
 _HEADING = {"bold": True}
@@ -43,7 +43,7 @@ class Terminal:
     times: ProcessTimes = field(default_factory=ProcessTimes)
 
     @contextmanager
-    def progress(self) -> Iterator[ProgressSink | None]:
+    def progress(self) -> Iterator[Progress]:
         """Show the progress of the work in the block; yield None if no progress is shown."""
         with self._shown_progress() as sink:
             yield sink

@@ -7,7 +7,7 @@ from itertools import count
 import pytest
 
 from texbake import progress
-from texbake.progress import Stages, peak_memory_bytes, process_times
+from texbake.progress import ProgressBar, Stages, peak_memory_bytes, process_times
 
 
 class Ear:
@@ -94,3 +94,27 @@ def test_peak_memory_is_not_that_of_the_process_before():
     script = "from texbake.progress import peak_memory_bytes; print(peak_memory_bytes())"
     output = subprocess.check_output([sys.executable, "-P", "-c", script], text=True)
     assert output == "None\n" or int(output) < len(held)
+
+
+def test_true_shows_a_bar_that_ends_as_a_line(capsys, monkeypatch):
+    ticks = count(step=0.5)
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(ticks))
+    stages = Stages(True)
+    with stages.stage("cast rays", total=8, unit="rays") as advance:
+        advance(2)
+        advance(6)
+    with stages.stage("weld") as advance:
+        advance(1)
+    lines = capsys.readouterr().err.split("\n")
+    first, half, whole, last = lines[0].split("\r")
+    assert first == "" and half.startswith("cast rays [######..................] 25 % ")
+    assert whole.startswith(f"cast rays [{'#' * 24}] 100 % ")
+    assert last.rstrip().startswith("cast rays: ") and len(last) == len(whole)
+    assert lines[1].split("\r")[-1].startswith("weld: ") and lines[2] == ""
+
+
+def test_a_short_stage_leaves_nothing(capsys, monkeypatch):
+    monkeypatch.setattr(ProgressBar, "INTERVAL", 1e9)
+    with Stages(True).stage("weld"):
+        pass
+    assert capsys.readouterr().err == ""

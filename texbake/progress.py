@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TextIO
 
 
 class ProgressSink(Protocol):
@@ -29,6 +29,59 @@ class ProgressSink(Protocol):
 
     def finished(self, stage: str, seconds: float) -> None:
         """A stage has ended, normally or by an error."""
+
+
+class ProgressBar:
+    """Shows the running stage on stderr, in a terminal or a notebook: what `progress=True` means.
+
+    A stage that took a tenth of a second or more leaves a line with its time.
+    """
+
+    INTERVAL = 0.1  # seconds between two states of a stage
+    _CELLS = 24
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._running: dict[str, tuple[float, int | None]] = {}
+        self._shown = 0.0  # when
+        self._width = 0  # characters on the line
+
+    def started(self, stage: str, total: int | None, unit: str) -> None:
+        """Begin to time a stage."""
+        self._running[stage] = (time.perf_counter(), total)
+
+    def advanced(self, stage: str, done: int) -> None:
+        """Draw the bar of a stage again, ten times per second at most."""
+        now = time.perf_counter()
+        if now - self._shown < self.INTERVAL:
+            return
+        self._shown = now
+        begun, total = self._running[stage]
+        bar = ""
+        if total:
+            cells = "#" * (self._CELLS * done // total)
+            bar = f" [{cells:.<{self._CELLS}}] {100 * done // total} %"
+        self._write(f"{stage}{bar} {now - begun:.1f} s")
+
+    def finished(self, stage: str, seconds: float) -> None:
+        """Replace the bar of a stage by its time."""
+        del self._running[stage]
+        if seconds >= self.INTERVAL:
+            self._write(f"{stage}: {seconds:.1f} s")
+            self._stream.write("\n")
+        elif self._width:
+            self._write("")
+            self._stream.write("\r")
+        self._width = 0
+
+    def _write(self, text: str) -> None:
+        self._stream.write(f"\r{text:<{self._width}}")
+        self._stream.flush()
+        self._width = len(text)
+
+
+Progress = ProgressSink | bool | None
+"""What functions take as `progress`: a listener, True for a `ProgressBar`, or nothing."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +161,9 @@ class Stages:
     ['cast rays']
     """
 
-    def __init__(self, sink: ProgressSink | None = None) -> None:
+    def __init__(self, sink: Progress = None) -> None:
         self._records: dict[str, StageRecord] = {}
-        self._sink = sink
+        self._sink: ProgressSink | None = ProgressBar() if sink is True else sink or None
 
     @property
     def records(self) -> list[StageRecord]:

@@ -23,7 +23,7 @@ from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.streamed.mesh import StreamedMesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.rounds import BudgetClock, TimeBudget, with_actual_time
@@ -38,7 +38,7 @@ def bake(
     materials: Materials | None = None,
     skew_mask: npt.ArrayLike | None = None,
     offset_map: npt.ArrayLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> BakeResult:
     """Bake the detail of a high-poly mesh into maps of a low-poly mesh.
@@ -305,7 +305,7 @@ def remap(result: BakeResult, high: MeshLike, low: MeshLike, options: BakeOption
 
 
 def remap_hits(
-    result: BakeResult, options: BakeOptions, *, progress: ProgressSink | None = None
+    result: BakeResult, options: BakeOptions, *, progress: Progress = None
 ) -> BakeResult:
     """Do as `remap`, from the result of a bake or of `read_hits` alone, without the meshes."""
     if result.hits is None or result.inputs is None:

@@ -29,7 +29,7 @@ from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -114,7 +114,7 @@ def check(
     low: MeshLike | None = None,
     options: CheckOptions | None = None,
     *,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> CheckReport:
     """Check meshes before a bake, and report what will go wrong.
 
@@ -155,7 +155,7 @@ def check_files(
     low: PathLike | None = None,
     options: CheckOptions | None = None,
     *,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> CheckReport:
     """Read and check one mesh or two. A file that does not hold a mesh is a finding."""
     options = options or CheckOptions()

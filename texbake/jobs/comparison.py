@@ -13,7 +13,7 @@ from texbake.jobs.outputs import (
 )
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.closeness import Closeness
 from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.options import RenderOptions
@@ -36,7 +36,7 @@ def page_file(
     maps: Mapping[str, PathLike],
     misses: PathLike | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[Comparison | None]:
     """Write a page of an asset: both meshes, the maps, and how closely they match."""
     options = options or RenderOptions()

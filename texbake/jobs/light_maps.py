@@ -30,7 +30,7 @@ from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FIRST_UV_SET, Mesh
 from texbake.parallel import run_bands
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
 from texbake.rendering.scene.scene import Scene, apply_mapping, place_mesh
@@ -132,7 +132,7 @@ def bake_light_maps(
     options: BakeOptions | None = None,
     *,
     uv_set: str | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> LightMaps:
     """Bake the static lighting of a scene into a map for each object with texture coordinates.
 

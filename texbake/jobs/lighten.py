@@ -39,7 +39,7 @@ from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, without_borders
 from texbake.mesh.simplify import SimplifyReport
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 from texbake.raycast.orientation import oriented
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
 from texbake.schema import Size
@@ -136,7 +136,7 @@ def lighten(
     options: LightenOptions,
     html: PathLike | None,
     command: str,
-    progress: ProgressSink | None,
+    progress: Progress,
 ) -> JobResult[LightenReport]:
     """Write a lightened model, and a page of both if `html` is given."""
     if Path(output).suffix.lower() != ".glb":
@@ -253,7 +253,7 @@ def _lightened(
     materials: Materials,
     options: LightenOptions,
     stages: Stages,
-    progress: ProgressSink | None,
+    progress: Progress,
 ) -> _Lightened:
     with stages.part("simplify"):
         source = joined_objects(source) if options.join_objects else source
@@ -306,7 +306,7 @@ def _lightened(
 
 
 def _simplified(
-    high: Mesh, options: LightenOptions, rule: LowNormals, progress: ProgressSink | None
+    high: Mesh, options: LightenOptions, rule: LowNormals, progress: Progress
 ) -> tuple[Mesh, LowPoly | None]:
     """Return the mesh that gets the maps; and how it was made, if it has fewer triangles."""
     n_faces = options.n_faces

@@ -15,7 +15,7 @@ from texbake.mesh.options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simplify_with_report
 from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.compare import compare_shapes
 from texbake.rendering.options import RenderOptions
 
@@ -63,7 +63,7 @@ class LowPolyMaker:
     quality: str
     seams: str = "auto"
     threads: int | None = None
-    progress: ProgressSink | None = None
+    progress: Progress = None
 
     def make(self, remesh: str, *, must_reach: bool = True) -> LowPoly:
         """Reduce the mesh, or a wrap around it where that comes closer, to a number of faces."""

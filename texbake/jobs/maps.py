@@ -36,7 +36,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
 from texbake.texture.model_materials import read_materials
@@ -93,7 +93,7 @@ def bake_files(
     format: str | None = None,  # noqa: A002
     name_pattern: str = DEFAULT_PATTERN,
     join_objects: bool = False,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> MapFiles:
     """Bake maps of a high-poly mesh file for a low-poly mesh file, and write them."""
@@ -155,7 +155,7 @@ def bake_files(
     return done
 
 
-def _read_whole(path: PathLike, join_objects: bool, progress: ProgressSink | None) -> Mesh:
+def _read_whole(path: PathLike, join_objects: bool, progress: Progress) -> Mesh:
     mesh = read_mesh(path, progress=progress)
     return joined_objects(mesh) if join_objects else mesh
 
@@ -164,7 +164,7 @@ def _read_high(
     path: PathLike,
     n_low_faces: int,
     options: BakeOptions,
-    progress: ProgressSink | None,
+    progress: Progress,
     join_objects: bool,
 ) -> Mesh | StreamedMesh:
     """Read the high-poly mesh; one that is too large for `max_memory` stays in its file."""

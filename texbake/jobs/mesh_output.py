@@ -28,7 +28,7 @@ from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.texture.model_materials import without_damaged_images
 
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
@@ -132,9 +132,7 @@ class MaterialPartition:
         return made, replace(self.source, materials=kept, lost=lost)
 
 
-def read_with_materials(
-    path: PathLike, progress: ProgressSink | None
-) -> tuple[Mesh, MeshFileMaterials]:
+def read_with_materials(path: PathLike, progress: Progress) -> tuple[Mesh, MeshFileMaterials]:
     """Read a mesh file with its materials, parsing it once."""
     with parsed_once():
         mesh = read_mesh(path, progress=progress)

@@ -29,7 +29,7 @@ from texbake.core import portable_math as pm
 from texbake.files import PathLike, replacing
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange, uv_sphere
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare, relight
 from texbake.rendering.options import RenderOptions
@@ -110,7 +110,7 @@ def measure_turns(
     angles: Sequence[int] = ANGLES,
     *,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> OrangeTurns:
     """Turn the light and the viewer around an orange, and measure the error of each method.
 
@@ -140,7 +140,7 @@ def measure_turns(
     return OrangeTurns(tuple(errors), pictures)
 
 
-def turns_plot(threads: int | None, progress: ProgressSink | None) -> Plot:
+def turns_plot(threads: int | None, progress: Progress) -> Plot:
     """Measure the turns, and return their plot for a page."""
     from texbake.pages.asset_page import Plot
 

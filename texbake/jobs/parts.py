@@ -40,7 +40,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.texture.image import write_image
 
 _SET_PATTERN = "{set}_{map}.{ext}"
@@ -106,7 +106,7 @@ def bake_parts_files(
     name: str | None = None,
     format: str | None = None,  # noqa: A002
     name_pattern: str = DEFAULT_PATTERN,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> PartsFiles:
     """Bake the maps of an asset of several mesh files, and write them."""
     options, parts, files = options or BakeOptions(), parts or PartsOptions(), files or BakeFiles()
@@ -159,7 +159,7 @@ def match_parts_files(
     low: Sequence[PathLike],
     parts: PartsOptions | None = None,
     *,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> MatchedParts:
     """Find out which parts `bake_parts_files` would bake from which, without baking."""
     parts = parts or PartsOptions()
@@ -178,7 +178,7 @@ def match_parts_files(
     return MatchedParts(files=(), report=matching, warnings=tuple(matching.warnings))
 
 
-def _read(paths: Iterable[PathLike], progress: ProgressSink | None) -> list[Mesh]:
+def _read(paths: Iterable[PathLike], progress: Progress) -> list[Mesh]:
     return [read_mesh(path, progress=progress) for path in paths]
 
 

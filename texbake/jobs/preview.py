@@ -17,7 +17,7 @@ import numpy as np
 from texbake.files import PathLike, make_folder, scratch_folder
 from texbake.jobs.outputs import JobResult
 from texbake.jobs.preview_scene import DefaultView
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan
@@ -90,7 +90,7 @@ def draw_preview(
     normal_map: PathLike | None,
     space: str | None,
     threads: int | None,
-    progress: ProgressSink | None,
+    progress: Progress,
     clock: BudgetClock,
 ) -> PreviewFiles:
     """Draw a picture, several side by side, or a turntable; only plan it without an output."""
@@ -124,7 +124,7 @@ def _write_picture(
     variants: Sequence[tuple[str, RenderOptions]],
     output: PathLike,
     threads: int | None,
-    progress: ProgressSink | None,
+    progress: Progress,
     clock: BudgetClock,
 ) -> Frame:
     """Write one picture, or several side by side; return the first."""
@@ -189,7 +189,7 @@ def write_turntable(
     folder: PathLike,
     *,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> Frame:
     """Draw one turn around the scene into a folder, as `000.png`, `001.png` and so on.
 
@@ -229,7 +229,7 @@ def render_side_by_side(
     *,
     camera: Camera | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> tuple[FloatImage, list[Frame]]:
     """Draw a scene with several options and one exposure, and put the pictures side by side.
 

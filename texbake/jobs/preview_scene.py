@@ -22,7 +22,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.camera import Camera, fill_picture
 from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions
@@ -48,7 +48,7 @@ def open_preview(
     maps: Mapping[str, PathLike] | None = None,
     space: str | None = None,
     own_materials: bool = True,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> tuple[Scene, RenderOptions]:
     """Read a scene to draw, and the options to draw it with.
 

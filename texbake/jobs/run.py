@@ -48,7 +48,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.simplify import SimplifyReport
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 from texbake.raycast.orientation import OrientationReport, oriented
 from texbake.rendering.compare import Comparison, compare
 from texbake.texture.encoding import decode_srgb
@@ -148,7 +148,7 @@ def run(
     options: RunOptions | None = None,
     *,
     materials: Materials | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> RunResult:
     """Make a low-poly mesh with maps from a high-poly mesh, pictures of both, and a report.
 
@@ -291,7 +291,7 @@ def _compared(
     materials: Materials | None,
     files: dict[str, Path],
     options: RunOptions,
-    progress: ProgressSink | None,
+    progress: Progress,
 ) -> Comparison:
     """Compare with the maps as their files hold them, and write both pictures."""
     full = options.compare == "full"

@@ -27,7 +27,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import face_normals
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
@@ -53,7 +53,7 @@ def render_checker(
     *,
     n_cells: int = N_CELLS,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> npt.NDArray[np.float32]:
     """Render a mesh with a numbered checker for its texture, from four sides in a row.
 
@@ -133,9 +133,7 @@ _SURFACE = (0.72, 0.73, 0.75)  # sRGB, of all other faces
 _RING = (1.0, 1.0, 1.0)
 
 
-def write_findings(
-    report: CheckReport, path: PathLike, *, progress: ProgressSink | None = None
-) -> None:
+def write_findings(report: CheckReport, path: PathLike, *, progress: Progress = None) -> None:
     """Write the picture of `render_findings` to a file."""
     threads = report.options.threads
     picture = render_findings(report, threads=threads, progress=progress)
@@ -147,7 +145,7 @@ def render_findings(
     options: RenderOptions | None = None,
     *,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> npt.NDArray[np.float32]:
     """Render the meshes of a check with the faces of each finding in color, from four sides.
 

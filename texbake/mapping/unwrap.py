@@ -29,7 +29,7 @@ from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh, UvSet
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 
 # Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
 _FARTHEST = 1e12
@@ -40,7 +40,7 @@ def unwrap(
     options: UnwrapOptions | None = None,
     *,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     **changes: Any,
 ) -> Mesh:
     """Give a mesh texture coordinates.
@@ -83,7 +83,7 @@ def unwrap_with_report(
     options: UnwrapOptions | None = None,
     *,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     **changes: Any,
 ) -> tuple[Mesh, UnwrapReport]:
     """Give a mesh texture coordinates, as `unwrap` does, and measure them."""
@@ -96,7 +96,7 @@ def unwrap_together(
     options: UnwrapOptions | None = None,
     *,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     **changes: Any,
 ) -> list[tuple[Mesh, UnwrapReport]]:
     """Give several meshes texture coordinates in one shared texture, at one texel density.

@@ -51,7 +51,7 @@ from texbake.mesh.remeshing.solid import flood_outside
 from texbake.mesh.simplify import check_count, simplify
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 
 _MORE = "request more, or use a wider `close` or fewer `components`"
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms
@@ -138,7 +138,7 @@ def remesh(
     mesh: MeshLike,
     options: RemeshOptions | None = None,
     *,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     threads: int | None = None,
 ) -> Mesh:
     """Wrap a mesh in a closed surface, or remesh an open one as sheets.
@@ -199,7 +199,7 @@ def remesh_with_report(
     mesh: MeshLike,
     options: RemeshOptions | None = None,
     *,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, RemeshReport]:
     """Remesh a mesh, and report how far the result lies from it."""

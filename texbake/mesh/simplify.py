@@ -29,7 +29,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
 from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
 from texbake.mesh.streamed.reduction import ReducedMesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 
 # Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.
 _MOST_ERROR = 0.5
@@ -89,7 +89,7 @@ def simplify(
     error: str | float | None = None,
     quality: str = SimplifyOptions.quality,
     seams: str = SimplifyOptions.seams,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     threads: int | None = None,
 ) -> Mesh:
     """Reduce a mesh to few triangles that stay as close to its surface as possible.
@@ -166,7 +166,7 @@ def simplify_with_report(
     quality: str = SimplifyOptions.quality,
     seams: str = SimplifyOptions.seams,
     source: ReducedMesh | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
     """Simplify a mesh, and report the method and how far the result lies from the given mesh.

@@ -46,7 +46,7 @@ from texbake.mesh.remeshing.solid import (
 )
 from texbake.mesh.topology import face_components, find_edges, genus, repeated_vertices
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 
 # Widths of gaps, and the depth of carving, as shares of the diagonal. Deeper pits use triangles
 # that the surface around them needs.
@@ -64,7 +64,7 @@ def remesh_with_few_tunnels(
     *,
     resolution: int,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> Iterator[tuple[Mesh, float, int]]:
     """Wrap a mesh in closed surfaces with no more tunnels and parts than `n_faces` triangles show.
 
@@ -216,7 +216,7 @@ def wraps(
     has_tunnels: bool = False,
     surface: str = AUTO,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> Iterator[tuple[Mesh, float, int]]:
     """Wrap a mesh with no more tunnels than a number of triangles can show.
 

@@ -36,7 +36,7 @@ from texbake.pages.pictures import (
 )
 from texbake.pages.plots import histogram_svg
 from texbake.pages.viewer import CODINGS, angle_colors, view_data
-from texbake.progress import ProgressSink, StageRecord
+from texbake.progress import Progress, StageRecord
 from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.maps import heights_from
 from texbake.rendering.options import RenderOptions
@@ -141,7 +141,7 @@ def write_bake_page(
     warnings: Sequence[str] | None = None,
     command: str = "",
     up: str = RenderOptions.up,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> Comparison | None:
     """Write the page of a bake, a single file that works offline.
 

@@ -23,7 +23,7 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.topology import surface_side
 from texbake.parallel import resolve_threads, run_bands
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.closeness import Closeness, ViewErrors, measure_closeness, view_errors
 from texbake.rendering.draw import Prepared, draw, prepare, share_images, without_light
@@ -142,7 +142,7 @@ def compare(
     views: Sequence[tuple[float, float]] | None = None,
     quick: bool = False,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> Comparison:
     """Compare a low-poly mesh, with and without its maps, to a high-poly mesh by rendering both.
 

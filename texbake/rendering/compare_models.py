@@ -26,7 +26,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions
@@ -80,7 +80,7 @@ def compare_models(
     n_views: int = N_VIEWS,
     options: RenderOptions | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> ModelComparison:
     """Draw two versions of a model from all around, and measure how much the pictures differ."""
     if n_views < 1:
@@ -199,7 +199,7 @@ def contributions_of(
     *,
     camera: Camera | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> tuple[Contribution, ...]:
     """Draw a scene without each of its effects in turn, and compare the pictures.
 

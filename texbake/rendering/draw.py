@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from texbake.parallel import run_bands
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState
 from texbake.rendering.effects import EFFECTS
@@ -138,7 +138,7 @@ def draw(
     camera: Camera,
     *,
     keep: Collection[str] = (),
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> Frame:
     """Draw a scene from one camera.
 

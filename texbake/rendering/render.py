@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, plan_of, prepare
 from texbake.rendering.effect import Plan
@@ -26,7 +26,7 @@ def render(
     options: RenderOptions | None = None,
     camera: Camera | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> Frame:
     """Render a mesh, optionally with maps, in studio light.
@@ -94,7 +94,7 @@ def render_scene(
     *,
     camera: Camera | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> Frame:
     """Render a scene.
@@ -164,7 +164,7 @@ def draw_picture(
     camera: Camera,
     *,
     keep: Collection[str] = (),
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> Frame:
     """Draw a prepared scene from one camera, with fixed or adaptive samples by its options.

@@ -13,7 +13,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.pages.page import duration
 from texbake.parallel import resolve_threads
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import Scene
 from texbake.study.findings import amount
@@ -33,7 +33,7 @@ def run_study(
     *,
     scene: Scene | None = None,
     options: StudyOptions | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> StudyResult:
     """Measure how accurate settings are, and how much time and memory they cost."""
     high = None if high is None else as_mesh(high)
@@ -104,7 +104,7 @@ def study_files(
     high: PathLike | None = None,
     low: PathLike | None = None,
     scene: PathLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[StudyResult]:
     """Measure what each setting gains and costs, and write pages, plots and figures."""
     check_folder(folder)

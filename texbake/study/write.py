@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from texbake.files import PathLike, write_files
 from texbake.pages.page import page_html, render
 from texbake.pages.pictures import data_uri, png_of
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.study.findings import amount, findings, next_step
 from texbake.study.plots import Plot, all_plot, check_matplotlib, knob_plot
 from texbake.study.result import Measurement, StudyResult, figure_names
@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 PAGE, JSON, ALL_PLOT = "study.html", "study.json", "all.png"
 
 
-def write_study(
-    result: StudyResult, folder: PathLike, *, progress: ProgressSink | None = None
-) -> list[Path]:
+def write_study(result: StudyResult, folder: PathLike, *, progress: Progress = None) -> list[Path]:
     """Write everything that a study measured."""
     check_matplotlib()
     stages = Stages(progress)

@@ -28,7 +28,7 @@ from texbake.verbs.step import (
 from texbake.verbs.verb import PAGE, Extra, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 _SECONDARY = ("secondary_rays", "denoise", "occluder_distance", "thickness_distance")
 _PARTS = (
@@ -111,7 +111,7 @@ def bake(
     more_low: Sequence[PathLike],
     dry_run: bool,
     report: PathLike | None,
-    progress: ProgressSink | None,
+    progress: Progress,
     clock: Any,
     format: str | None,  # noqa: A002
     name_pattern: str,

@@ -26,7 +26,7 @@ from texbake.verbs.verb import REPORT, Extra, Options, Reads, Writes, verb
 if TYPE_CHECKING:
     from texbake.checks.check import CheckReport
     from texbake.jobs.outputs import JobResult
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 NEVER = "never"  # no finding fails
 
@@ -64,7 +64,7 @@ def check_files(
     layout: PathLike | None = None,
     sides: PathLike | None = None,
     report: PathLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[CheckReport]:
     """Find problems of a bake before it runs.
 

@@ -13,7 +13,7 @@ from texbake.schema import Option, Size
 from texbake.verbs.verb import PAGE, REPORT, THREADS, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
     from texbake.rendering.compare import Comparison
 
 
@@ -72,7 +72,7 @@ def compare_files(
     html: PathLike | None = None,
     command: str = "",
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[Comparison]:
     """Measure how close LOW with its maps comes to HIGH.
 

@@ -15,7 +15,7 @@ from texbake.verbs.verb import Extra, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
     from texbake.jobs.export.export import ExportResult
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 # Roles of a step for the files of these maps.
 _EXPORTED = {kind.replace("-", "_"): kind for kind in KINDS}
@@ -75,7 +75,7 @@ def export_files(
     maps: PathLike | None = None,
     named_maps: Mapping[str, PathLike] | None = None,
     levels: Sequence[PathLike] = (),
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> ExportResult:
     """Write MESH and its maps for another program.
 

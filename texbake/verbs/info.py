@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from texbake.mesh.files.contents import FileContents
     from texbake.mesh.info import MeshInfo
     from texbake.mesh.mesh import Mesh
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 Table = list[tuple[str, ...]]
 _GROUPS_SHOWN = 12
@@ -89,7 +89,7 @@ def info_file(
     *,
     uv: bool = False,
     size: Size | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[MeshFileInfo]:
     """Print what is in MESH.
 

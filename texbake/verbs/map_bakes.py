@@ -15,7 +15,7 @@ from texbake.verbs.verb import PAGE, REPORT, THREADS, Extra, Options, Reads, Wri
 
 if TYPE_CHECKING:
     from texbake.jobs.maps import MapFiles
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
     from texbake.sampling.rounds import BudgetClock
 
 FORMAT = Extra(
@@ -104,7 +104,7 @@ def bake_normals(
     options: BakeOptions,
     *,
     report: PathLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
     **files: Any,
 ) -> MapFiles:
@@ -143,7 +143,7 @@ def bake_displacement(
     options: BakeOptions,
     *,
     report: PathLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
     **files: Any,
 ) -> MapFiles:
@@ -195,7 +195,7 @@ def remap_files(
     format: str | None = None,  # noqa: A002
     name_pattern: str = DEFAULT_PATTERN,
     report: PathLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> MapFiles:
     """Make other maps from the hits of an earlier bake.
 

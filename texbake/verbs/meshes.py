@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.remesh import RemeshReport
     from texbake.mesh.repair import RepairReport
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 
 @verb(
@@ -38,7 +38,7 @@ def repair_file(
     options: RepairOptions | None = None,
     *,
     mtl: bool = True,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[RepairReport]:
     """Repair MESH without moving its surface.
 
@@ -97,7 +97,7 @@ def transform_file(
     options: TransformOptions | None = None,
     *,
     mtl: bool = True,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[Mesh]:
     """Scale, rotate and move MESH, or flip its faces.
 
@@ -141,7 +141,7 @@ TRANSFORM = step_of(
     table=_size_table,
 )
 def convert_file(
-    mesh: PathLike, output: PathLike, options: TransformOptions, *, progress: ProgressSink | None
+    mesh: PathLike, output: PathLike, options: TransformOptions, *, progress: Progress
 ) -> JobResult[Mesh]:
     """Write the mesh in SOURCE in the format of OUTPUT.
 
@@ -193,7 +193,7 @@ def remesh_file(
     *,
     report: PathLike | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[RemeshReport]:
     """Give MESH a new surface, closed or open.
 
@@ -261,7 +261,7 @@ def cage_file(
     *,
     margin: float | None = None,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[Cage]:
     """Fit a cage around HIGH, starting from LOW.
 

@@ -29,7 +29,7 @@ from texbake.verbs.step import (
 from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, paths_of, verb
 
 if TYPE_CHECKING:
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
     from texbake.texture.pack import PackedTextures
 
 
@@ -88,7 +88,7 @@ def pack_textures_file(
     mesh_outputs: PathLike | Sequence[PathLike] | None = None,
     data: bool = False,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> PackedFiles:
     """Pack several IMAGEs into one.
 

@@ -19,7 +19,7 @@ from texbake.verbs.verb import REPORT, THREADS, Extra, Options, Reads, Writes, v
 
 if TYPE_CHECKING:
     from texbake.jobs.preview import PreviewFiles
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
     from texbake.sampling.rounds import BudgetClock
 
 # Maps in place of the materials of a file.
@@ -161,7 +161,7 @@ def preview_files(
     html: PathLike | None = None,
     command: str = "",
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> PreviewFiles:
     """Draw a mesh with its maps, or a scene.

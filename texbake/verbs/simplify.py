@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.simplify import SimplifyReport
     from texbake.mesh.streamed.reduction import ReducedMesh
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 _CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
 _FACE = 125  # bytes of memory for each triangle of a mesh that is simplified in memory
@@ -65,7 +65,7 @@ def simplify_file(
     report: PathLike | None = None,
     mtl: bool = True,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[SimplifyReport]:
     """Reduce MESH to fewer triangles.
 
@@ -86,7 +86,7 @@ def simplify_levels(
     *,
     mtl: bool = True,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> list[JobResult[SimplifyReport]]:
     """Write several levels of detail of a mesh file.
 
@@ -126,7 +126,7 @@ def _read(
     levels: Sequence[tuple[int | None, PathLike]],
     options: SimplifyOptions,
     threads: int | None,
-    progress: ProgressSink | None,
+    progress: Progress,
 ) -> tuple[Mesh, MeshFileMaterials, ReducedMesh | None]:
     """Read a mesh, or what is left of one that is too large for memory."""
     from texbake.jobs.mesh_output import MeshFileMaterials, read_with_materials
@@ -165,7 +165,7 @@ def _level(
     options: SimplifyOptions,
     mtl: bool,
     threads: int | None,
-    progress: ProgressSink | None,
+    progress: Progress,
 ) -> JobResult[SimplifyReport]:
     """Write one level of detail."""
     from texbake.jobs.mesh_output import MaterialPartition, write_result

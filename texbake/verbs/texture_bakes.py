@@ -20,7 +20,7 @@ from texbake.verbs.verb import REPORT, THREADS, Extra, Options, Reads, Writes, v
 if TYPE_CHECKING:
     from texbake.baking.texture.canvas import TextureBake, TextureReport
     from texbake.jobs.light_maps import LightMaps
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 _CAMERA_SUFFIXES = (".toml", ".txt")
 _SOLID = ("procedure", "param", "volume", "scale", "colors")
@@ -138,7 +138,7 @@ def bake_texture_files(
     bits: int | None = None,
     unseen_map: PathLike | None = None,
     report: PathLike | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[TextureReport]:
     """Bake a procedure or photographs into a texture.
 
@@ -182,7 +182,7 @@ def _baked(
     options: SolidOptions | PhotoOptions,
     photos: Sequence[PathLike],
     cameras: Sequence[PathLike],
-    progress: ProgressSink | None,
+    progress: Progress,
 ) -> TextureBake:
     from texbake.baking.texture.photos import Photo, bake_photos, read_camera
     from texbake.baking.texture.solid import bake_solid
@@ -253,7 +253,7 @@ def bake_lightmap(
     *,
     format: str = "exr",  # noqa: A002
     uv_set: str | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[LightMaps]:
     """Bake the static lights of SCENE into light maps.
 

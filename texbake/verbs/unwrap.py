@@ -31,7 +31,7 @@ from texbake.verbs.verb import (
 if TYPE_CHECKING:
     from texbake.mapping.unwrap import UnwrapReport
     from texbake.mesh.mesh import Mesh
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 # Headings of the help, with the options below them.
 SECTIONS = {
@@ -125,7 +125,7 @@ def unwrap_files(
     report: PathLike | None = None,
     mtl: bool = True,
     threads: int | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> UnwrapFiles:
     """Give MESH texture coordinates.
 

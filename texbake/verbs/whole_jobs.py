@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from texbake.jobs.lighten import LightenReport
     from texbake.jobs.outputs import JobResult
     from texbake.jobs.run import RunResult
-    from texbake.progress import ProgressSink
+    from texbake.progress import Progress
 
 _FOLDER = "Folder for the files, which is made if it is missing."
 
@@ -41,7 +41,7 @@ def run_files(
     *,
     html: PathLike | None = None,
     command: str = "",
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> RunResult:
     """Do the whole job: from HIGH to a finished asset.
 
@@ -87,7 +87,7 @@ def lighten_file(
     report: PathLike | None = None,
     html: PathLike | None = None,
     command: str = "",
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[LightenReport]:
     """Make MODEL smaller, with all of its materials.
 
@@ -117,7 +117,7 @@ def demo_files(
     *,
     html: PathLike | None = None,
     command: str = "",
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> RunResult:
     """Do the whole job on an orange that is made by code.
 

@@ -38,7 +38,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.raycast.scene import RayScene
 from texbake.sampling.rounds import BudgetClock
 
@@ -172,7 +172,7 @@ def bake_parts(
     low_materials: Sequence[Materials | None] | None = None,
     ray_maps: RayMapsOf | None = None,
     folder: Path | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> PartsResult:
     """Bake an asset of many parts onto one or several sets of maps.
 
@@ -271,7 +271,7 @@ def bake_objects(
     materials: Materials | None = None,
     skew_mask: FloatArray | None = None,
     offset_map: FloatArray | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> BakeResult:
     """Bake each object from the one with the matching name if all names pair up, else as `bake`.

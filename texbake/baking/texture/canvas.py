@@ -27,7 +27,7 @@ from texbake.errors import UvError, counted
 from texbake.files import PathLike
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.progress import ProgressSink, StageRecord, Stages
+from texbake.progress import Progress, StageRecord, Stages
 from texbake.texture.image import write_image
 from texbake.texture.lookup import texel_coordinates
 from texbake.texture.padding import push_pull
@@ -183,7 +183,7 @@ class TextureCanvas:
         mesh: Mesh,
         options: TextureBakeOptions,
         n_channels: int,
-        progress: ProgressSink | None = None,
+        progress: Progress = None,
     ) -> None:
         self.stages = Stages(progress)
         self._mesh, self._options = mesh, options

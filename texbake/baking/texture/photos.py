@@ -36,7 +36,7 @@ from texbake.mapping.options.shared import Matrix, Vector, check_direction, chec
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.raycast.scene import RayScene
 from texbake.texture.image import Image, read_image
 from texbake.texture.mipmaps import mip_chain
@@ -211,7 +211,7 @@ def bake_photos(
     photos: Sequence[Photo],
     options: PhotoOptions | None = None,
     *,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> TextureBake:
     """Blend photographs into the texture of a mesh.
 

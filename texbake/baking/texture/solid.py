@@ -15,7 +15,7 @@ from texbake.errors import MeshError
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.texture.image_files import read_volume
 from texbake.texture.lookup import ramp_lookup, volume_lookup
 from texbake.texture.procedures import evaluate
@@ -25,7 +25,7 @@ _LEAST_SIZE = 2.0**-1022  # in model units; what float64 can divide 2 by
 
 
 def bake_solid(
-    mesh: MeshLike, options: SolidOptions | None = None, *, progress: ProgressSink | None = None
+    mesh: MeshLike, options: SolidOptions | None = None, *, progress: Progress = None
 ) -> TextureBake:
     """Bake a solid procedure into the texture of a mesh.
 

@@ -33,7 +33,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.transform import Y_FROM_Z
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.texture.image import read_image
 from texbake.texture.image_files import write_layers
 
@@ -69,7 +69,7 @@ def export_asset(
     *,
     levels: Sequence[Mesh] = (),
     inputs: Sequence[PathLike] = (),
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> ExportResult:
     """Write an asset as a program reads it, with a text that says what to set in the program."""
     mesh = as_mesh(mesh)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from texbake.errors import FileFormatError, MeshError, OptionError, quoted
 from texbake.files import PathLike
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 
 if TYPE_CHECKING:
     from texbake.mesh.interchange import MeshLike
@@ -60,7 +60,7 @@ WRITABLE_MESH_SUFFIXES = tuple(
 """Suffixes of the files that `write_mesh` writes."""
 
 
-def read_mesh(path: PathLike, *, progress: ProgressSink | None = None) -> Mesh:
+def read_mesh(path: PathLike, *, progress: Progress = None) -> Mesh:
     """Read a mesh from an OBJ, PLY, STL, OFF, glTF, FBX, USD, COLLADA, 3MF, 3DXML or XAML file.
 
     Parameters

@@ -23,7 +23,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import IntArray
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.adaptive_pixels.pixel_statistics import (
     SIDE,
     BoolArray,
@@ -318,7 +318,7 @@ def draw_adaptively(
     camera: Camera,
     *,
     keep: Collection[str] = (),
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> Frame:
     """Draw a picture to a given error bound or within a time budget; see `draw` for `keep`."""

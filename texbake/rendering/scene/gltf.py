@@ -30,7 +30,7 @@ from texbake.mesh.files.source import short_name
 from texbake.mesh.files.unread_parts import warn_of_pose
 from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
 from texbake.mesh.normals import with_flat_normals
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.rendering.scene.gltf_materials import MaterialReader, SceneMaterial, set_name
 from texbake.rendering.scene.lights import Light, Lighting, Vector
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject
@@ -51,7 +51,7 @@ SHOWN = (
 )
 
 
-def read_gltf_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene:
+def read_gltf_scene(path: PathLike, *, progress: Progress = None) -> Scene:
     """Read a .glb or .gltf file as a scene."""
     with Stages(progress).stage(f"read {Path(path).name}"):
         document = read_document(path)

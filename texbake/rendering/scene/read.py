@@ -9,7 +9,7 @@ from texbake.files import PathLike, read_bytes, require_file, scratch_folder
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.scene import Scene
 from texbake.texture.material_images import gltf_images
@@ -17,7 +17,7 @@ from texbake.texture.material_images import gltf_images
 SCENE_SUFFIXES = (".toml", ".glb", ".gltf")
 
 
-def read_scene(path: PathLike, *, progress: ProgressSink | None = None) -> Scene:
+def read_scene(path: PathLike, *, progress: Progress = None) -> Scene:
     """Read a scene file.
 
     Parameters

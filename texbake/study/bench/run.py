@@ -23,7 +23,7 @@ from texbake.jobs.outputs import JobResult
 from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.pages.page import duration, number
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.study.bench.cases import BenchCase, made_case, own_case
 from texbake.study.bench.map_tasks import BenchTask, Prepared
 from texbake.study.bench.programs import PROGRAMS, Finished, Product, Program, run_process
@@ -43,7 +43,7 @@ def run_bench(
     low: MeshLike | None = None,
     *,
     options: BenchOptions | None = None,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> BenchResult:
     """Measure what accuracy costs in time and memory, in texbake and in other programs."""
     options = options or BenchOptions()
@@ -228,7 +228,7 @@ def bench_files(
     low: PathLike | None = None,
     merge: Sequence[PathLike] = (),
     run: bool = True,
-    progress: ProgressSink | None = None,
+    progress: Progress = None,
 ) -> JobResult[BenchResult]:
     """Measure what accuracy costs in texbake and in other programs, and write pages and tables.
 
@@ -259,7 +259,7 @@ def bench_files(
 
 
 def export_files(
-    folder: PathLike, options: BenchOptions, *, progress: ProgressSink | None = None
+    folder: PathLike, options: BenchOptions, *, progress: Progress = None
 ) -> JobResult[None]:
     """Write the cases of the bench for programs that texbake cannot start."""
     check_folder(folder)

@@ -9,7 +9,7 @@ from typing import Any
 
 from texbake.files import PathLike, write_files
 from texbake.pages.page import duration, memory, number, page_html, render
-from texbake.progress import ProgressSink, Stages
+from texbake.progress import Progress, Stages
 from texbake.study.bench.map_tasks import MISSED
 from texbake.study.bench.programs import PROGRAMS
 from texbake.study.bench.result import OURS, BenchResult, Contest
@@ -22,9 +22,7 @@ from texbake.study.write import PAGE_STYLE, TEMPLATES, crop_uri, titled
 PAGE, JSON, TABLE = "bench.html", "bench.json", "bench.md"
 
 
-def write_bench(
-    result: BenchResult, folder: PathLike, *, progress: ProgressSink | None = None
-) -> list[Path]:
+def write_bench(result: BenchResult, folder: PathLike, *, progress: Progress = None) -> list[Path]:
     """Write everything that the bench measured."""
     stages = Stages(progress)
     plots = {}

@@ -19,7 +19,7 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.scene.file.materials import MaterialOf, Matrix, ProjectorMatrix
 from texbake.rendering.scene.file.tables import Table, built_by, described, table, types_of_fields
 from texbake.rendering.scene.file.values import (
@@ -104,7 +104,7 @@ class ObjectMaker:
 
     path: PathLike  # path of the scene file, for messages
     materials: Mapping[str, Material]  # materials by name
-    progress: ProgressSink | None = None
+    progress: Progress = None
     # Features of the objects' files that are not supported
     notes: list[str] = field(default_factory=list)
     # Further files that the objects' files refer to

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, ValidationInfo, create_model
 from texbake.errors import FileFormatError, OptionError, first_few
 from texbake.files import PathLike
 from texbake.limits import toml_content
-from texbake.progress import ProgressSink
+from texbake.progress import Progress
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.file.materials import (
     ImageTable,
@@ -271,7 +271,7 @@ TABLES: dict[str, type[Table]] = {
 }
 
 
-def parse_scene(path: PathLike, text: bytes, *, progress: ProgressSink | None = None) -> Scene:
+def parse_scene(path: PathLike, text: bytes, *, progress: Progress = None) -> Scene:
     """Parse the content of a scene file."""
     place = Place(Path(path).parent)
     try:
