@@ -1,4 +1,4 @@
-"""The table of figures in the README, made by the commands that stand below it.
+"""The table of figures in the README, made by the commands below it.
 
     python docs/figures.py            # run the commands, and write the table into the README
     python docs/figures.py --quick    # run them on small meshes, and print the table

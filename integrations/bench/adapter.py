@@ -1,7 +1,7 @@
 """What adapters share: do the jobs of a folder that `texbake bench --export` wrote.
 
 An adapter gives a function from a job to a command, and the name and version of its program. Each
-job is a process of its own, timed from its start to its end. The result file lies in the folder,
+job is a process of its own, timed from its start to its end. The result file is in the folder,
 beside the maps; `texbake bench --merge` measures their errors.
 """
 
@@ -75,7 +75,7 @@ def do_jobs(chosen, program, version, command_of):
 
 
 def machine_figures():
-    """Return what this machine is, as `texbake bench` says it, but for its name."""
+    """Describe this machine as `texbake bench` does, without its name."""
     figures = {
         "system": platform.system(),
         "processor": platform.machine(),

@@ -61,7 +61,7 @@ def bake(
     offset_map : (H, W) floats, optional
         Over the same coordinates: a factor for the front distance, or that of the cage, 0 or more.
     progress
-        Called with the progress of the stages.
+        True shows a bar for the running stage; a listener is called with each stage.
     clock
         When the time of `BakeOptions.time_budget` began, and what follows the bake; None: it begins
         now, and nothing follows.

@@ -146,7 +146,7 @@ def bake_light_maps(
         Further set of texture coordinates that the maps lie on, for the objects that have it. The
         others are baked on their first set, as all are if it is None.
     progress
-        Receives the stages.
+        True shows a bar for the running stage; a listener is called with each stage.
 
     Returns
     -------

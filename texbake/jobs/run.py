@@ -164,7 +164,7 @@ def run(
         Of the high-poly mesh, all channels of which are baked; see `read_materials`. None
         for none: the mesh in the GLB file then has the base color of the options.
     progress
-        Receives the stages.
+        True shows a bar for the running stage; a listener is called with each stage.
 
     Raises
     ------

@@ -84,7 +84,7 @@ class SurfaceDistance:
 
     @property
     def rms_error(self) -> float:
-        """Error of `rms`, from taking samples; see `OneSidedDistance`."""
+        """Sampling error of `rms`; see `OneSidedDistance`."""
         return max(self.a_to_b, self.b_to_a, key=lambda side: side.rms).rms_error
 
     @property

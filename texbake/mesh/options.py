@@ -218,9 +218,8 @@ class SimplifyOptions(CheckedOptions):
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
     max_memory: str | int | None = option(
         None,
-        "Limit on the estimated memory, such as 2G; a larger mesh is read in pieces from its "
-        "binary PLY or STL file, and these are reduced first. So is one of more than 16,777,216 "
-        "triangles.",
+        "Limit on the estimated memory, such as 2G. A binary PLY or STL file that needs more is "
+        "read and reduced in pieces, as is one of more than 16,777,216 triangles.",
         metavar="SIZE",
         default="no limit",
     )

@@ -150,7 +150,7 @@ def remesh(
     options
         None for the defaults.
     progress
-        Called with each stage.
+        True shows a bar for the running stage; a listener is called with each stage.
     threads
         None for every processor; the result does not depend on it.
 

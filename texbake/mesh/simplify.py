@@ -129,7 +129,7 @@ def simplify(
         keeps them and more faces if need be, so that the result fits the same maps, and `drop`
         leaves texture coordinates out, so that no seam is in the way; unwrap the result again.
     progress
-        Called with each stage.
+        True shows a bar for the running stage; a listener is called with each stage.
     threads
         None for every processor; the result does not depend on it.
 
@@ -171,7 +171,7 @@ def simplify_with_report(
 ) -> tuple[Mesh, SimplifyReport]:
     """Simplify a mesh, and report the method and how far the result lies from the given mesh.
 
-    `source`: what the mesh was reduced from, which the report is then of.
+    `source`: the mesh in a file that `mesh` was reduced from; the report is then about that one.
     """
     mesh = as_mesh(mesh)
     stages = Stages(progress)
@@ -182,7 +182,7 @@ def simplify_with_report(
     low, distance = result.mesh, result.distance
     if distance is None:
         with stages.stage("measure distance"):
-            distance = measured(source or mesh, low, threads=threads)
+            distance = measure_distance(source or mesh, low, threads=threads)
     report = SimplifyReport(
         n_faces_before=mesh.n_faces if source is None else source.source.n_faces,
         n_faces_asked=n_faces,
@@ -198,7 +198,9 @@ def simplify_with_report(
     return low, report
 
 
-def measured(mesh: Mesh | ReducedMesh, low: Mesh, *, threads: int | None) -> SurfaceDistance:
+def measure_distance(
+    mesh: Mesh | ReducedMesh, low: Mesh, *, threads: int | None
+) -> SurfaceDistance:
     """Measure the distance between a mesh, or one that stays in its file, and what it became."""
     if isinstance(mesh, Mesh):
         return surface_distance(mesh, low, n_samples=REPORTED_SAMPLES, threads=threads)
@@ -209,7 +211,7 @@ def measured_to(
     report: SimplifyReport, mesh: Mesh | ReducedMesh, low: Mesh, *, threads: int | None = None
 ) -> SimplifyReport:
     """Change the report of a simplified wrap to one of the mesh that the wrap was made of."""
-    distance = measured(mesh, low, threads=threads)
+    distance = measure_distance(mesh, low, threads=threads)
     whole = mesh if isinstance(mesh, Mesh) else mesh.source
     notes = (note for note in report.notes if note not in report.distance.notes)
     return replace(

@@ -61,7 +61,7 @@ class TriangleTree:
     def for_points(
         cls, n_points: int, positions: FloatArray, faces: IntArray, *, threads: int | None = None
     ) -> TriangleTree:
-        """Build the tree that is the quickest for so many points; distances are the same."""
+        """Build the tree that serves this number of points fastest; distances are the same."""
         if len(faces) > _FEW_POINTS * n_points:
             runs, codes = morton_order(positions, faces[::_RUN].copy(), threads)
             ids = np.arange(len(runs) * _RUN, dtype=np.int32).reshape(-1, _RUN)[runs].ravel()

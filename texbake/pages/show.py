@@ -66,7 +66,7 @@ def show(
     Parameters
     ----------
     mesh
-        A `Mesh`, or one of trimesh.
+        A `Mesh`, a `trimesh.Trimesh` or the path of a file.
     maps
         What `bake` returned, or map files by name, such as ``{"normal": "normal.png"}``. The map
         `normal` is shown as relief, and the others as colors of the surface. None shows a checker

@@ -273,7 +273,7 @@ def _draw_models(
 ) -> tuple[list[Frame], list[ViewErrors]]:
     """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses.
 
-    Not `at_once`, so that each use has the images that the one before it has read.
+    If not `at_once`, each use shares the images that the one before it has read.
     """
     camera = Camera.framing_sphere(*sphere, options)
     threads = resolve_threads(models[0].threads)

@@ -86,7 +86,7 @@ class Pieces:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Positions of vertices on base triangles; one on an edge of these has one place for each."""
+    """Positions of vertices on base triangles; one on their common edge has a place on each."""
 
     vertices: IntArray  # (S,): vertex at each place, counted from the first new one
     base_faces: IntArray  # (S,)

@@ -76,7 +76,7 @@ def png_parts(
 
 
 def picture_png(pixels: npt.NDArray[Any], *, is_color: bool, is_averaged: bool = True) -> bytes:
-    """Return an image (H, W, C) as a PNG file for a notebook, with 8 bits a channel.
+    """Return an image (H, W, C) as a PNG file for a notebook, with 8 bits per channel.
 
     Floats are linear; where `is_color`, they are stored as sRGB. Images of more than 1,024 pixels
     along a side are scaled down: each block of pixels becomes its mean, or its first pixel.

@@ -35,7 +35,7 @@ def contest():
             measured("Blender", "best", 30.0, 1.0, 300),
             measured("xatlas", "default", 0.5, 9.0, 20),
         ),
-        (Failure("trimesh", "default", "exit code 1"),),
+        (Failure("meshoptimizer", "default", "exit code 1"),),
     )  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def test_json_follows_the_schema_and_names_what_failed(result):
     jsonschema.validate(report, bench_schema())
     report = report["contests"][0]
     assert report["left_out"] == [
-        {"program": "trimesh", "setting": "default", "reason": "exit code 1"}
+        {"program": "meshoptimizer", "setting": "default", "reason": "exit code 1"}
     ]
     assert [item["on_front"] for item in report["settings"]] == [True, True, False, False, True,
                                                                  True]  # fmt: skip
@@ -108,10 +108,10 @@ def test_programs_are_compared_at_the_error_that_all_reach(contest):
     # xatlas reaches 9 % and nothing less.
     labels = {name: item.equal and item.equal.setting.label for name, item in found.items()}
     assert labels == {
-        "texbake": "fast", "Blender": "smart", "xatlas": "default", "trimesh": None
+        "texbake": "fast", "Blender": "smart", "xatlas": "default", "meshoptimizer": None
     }  # fmt: skip
-    assert found["trimesh"].n_failures == 1 and found["Blender"].worst("charts") == 2.0
-    assert found["trimesh"].worst("charts") is None
+    assert found["meshoptimizer"].n_failures == 1 and found["Blender"].worst("charts") == 2.0
+    assert found["meshoptimizer"].worst("charts") is None
 
 
 def test_times_of_another_machine_are_named(result):

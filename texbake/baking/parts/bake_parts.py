@@ -196,7 +196,7 @@ def bake_parts(
         An existing folder for finished maps, if there is more than one set of maps; the result
         reads them from there. None: they are kept in memory.
     progress
-        Called with the progress of the stages.
+        True shows a bar for the running stage; a listener is called with each stage.
 
     Returns
     -------

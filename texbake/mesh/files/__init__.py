@@ -68,7 +68,7 @@ def read_mesh(path: PathLike, *, progress: Progress = None) -> Mesh:
     path
         The format follows from the suffix, in upper or lower case.
     progress
-        Called with the one stage, ``read NAME``.
+        True shows a bar; a listener is called with the one stage, ``read NAME``.
 
     Returns
     -------

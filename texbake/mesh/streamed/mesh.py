@@ -119,10 +119,9 @@ class StreamedMesh:
         `face_ids` (n,) int32: in ascending order, each once.
         """
         mesh, vertices = self._piece(self._chosen(face_ids))
-        if mesh.normals is not None:
-            missing = (mesh.normals == 0.0).all(axis=1)
+        if mesh.normals is not None and (missing := (mesh.normals == 0.0).all(axis=1)).any():
             normals = mesh.normals.copy()
-            normals[missing] = self.smooth_normals(vertices[missing]) if missing.any() else 0.0
+            normals[missing] = self.smooth_normals(vertices[missing])
             mesh = mesh.replace(normals=normals)
         return MeshPart(mesh, vertices)
 

@@ -1,11 +1,10 @@
 """A mesh that stays in its file, reduced piece by piece to one that is simplified in memory.
 
-Pieces are triangles that stand together in the file. Each is welded and collapsed by itself, and
-where it is open, it stays as it is, so that all pieces fit together again. What was open only
+Pieces are triangles that follow one another in the file. Each is welded and collapsed by itself.
+Its open borders stay as they are, so that all pieces fit together again. What was open only
 because the file was cut there is then simplified with the rest.
 
-A surface that meets others at an edge, or in a point, may lie in another piece than these; it can
-then move away from them.
+Surfaces that meet at an edge or in a point can be in different pieces; they may then move apart.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ class ReducedMesh:
         share = max(1.0 / _TIMES, _LEAST_TIMES * n_faces / source.n_faces)
         if share > 0.5:
             return None
-        # Facets of their own normals would leave hard edges alone, which stay.
+        # Where each facet has normals of its own, every edge is hard, and would stay.
         is_flat = all(is_flat_shaded(piece, threads=threads) for piece in source.pieces(AT_ONCE))
         reduced = []
         for piece in source.pieces(AT_ONCE):
@@ -67,14 +66,13 @@ class ReducedMesh:
         """What the user should know of the result."""
         return (
             f"{self.source.name} was read in pieces, which were first reduced to "
-            f"{self.mesh.n_faces:,} triangles; the distance from the result to the mesh is that to "
-            "these"
+            f"{self.mesh.n_faces:,} triangles; the distance from the result is measured to these"
         )
 
     def distance(self, low: Mesh, *, threads: int | None) -> SurfaceDistance:
         """Measure the distance between the mesh in the file (a) and one made of it (b).
 
-        From evenly spread triangles of the file, and to what it was reduced to.
+        From (a) it uses evenly spread triangles of the file; to (a), what the mesh was reduced to.
         """
         corners = self.source.spread_corners(max(1, self.source.n_faces // _SAMPLES))
         faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)

@@ -113,7 +113,7 @@ def _sphere(n_triangles: int) -> BenchCase:
 
 
 def _wavy_radii(p: FloatArray, *, mirrored: bool = False) -> FloatArray:
-    """(n,) distances from the middle in the directions of points (n, 3), at will even in y."""
+    """(n,) distances from the center in the directions of points (n, 3), even in y if mirrored."""
     angles = 30.0 * (p / pm.norm(p, axis=1, keepdims=True)).T
     x, y, z = pm.sin(angles)
     if mirrored:
@@ -147,7 +147,7 @@ def _gyroid(n_triangles: int) -> BenchCase:
     return _case("gyroid", bone.mesh, n_triangles, low, 0.06, ImplicitSurface(bone.value))
 
 
-# Two balls on the same texture coordinates, and each ball's halves too, one of them mirrored
+# Two balls with the same texture coordinates, which the mirrored halves of each share
 
 _APART = np.array([2.5, 0.0, 0.0])
 
@@ -188,7 +188,7 @@ def _twice(mesh: Mesh) -> Mesh:
 
 
 def _welded(points: FloatArray, faces: IntArray) -> Mesh:
-    """Vertices at one position become one, so that normals are smooth across."""
+    """Weld vertices at one position, so that normals are smooth across the seam."""
     used, corners = np.unique(weld_rows(points)[faces], return_inverse=True)
     faces = corners.reshape(-1, 3).astype(np.int32)
     return Mesh(positions=points[used], faces=faces, name="welded")

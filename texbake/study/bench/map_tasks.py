@@ -63,7 +63,7 @@ def _job(case: BenchCase, folder: Path) -> dict[str, Any]:
     return {**pair_files(case, folder), "distance": case.reach, "padding": _PADDING}
 
 
-# Codes of 0 in 8 and 16 bits and float, rounded up and down.
+# Codes of 0 with 8 and 16 bits, rounded down and up, and as floats.
 _FLAT = np.array([127 / 255, 128 / 255, 32767 / 65535, 32768 / 65535, 0.5], np.float32)
 
 

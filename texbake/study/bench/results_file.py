@@ -1,8 +1,8 @@
 """Results of the bench as JSON: their schema, cases written for other programs, and merging.
 
 Whoever has a program that texbake cannot start writes the cases, bakes them, and sends a result
-file with the maps beside it. Errors are then measured again from the maps, so nobody has to be
-believed. Where no map is there, the error that the file states is shown as such.
+file with the maps beside it. Errors are then measured from the maps, so no stated
+error has to be trusted. Where there is no map, the error in the file is shown as a stated one.
 
 Based on: JSON Schema, draft 2020-12 (https://json-schema.org/draft/2020-12).
 """
@@ -51,7 +51,7 @@ _MAYBE: Any = None
 
 
 class MachineTable(Table):
-    """What a program ran on; no name of a host or user."""
+    """What a program ran on, without the name of a host or user."""
 
     system: Text = Field(description="Operating system.")
     processor: Text = Field(description="Kind of processor, such as x86_64.")

@@ -232,7 +232,7 @@ def bench_files(
 ) -> JobResult[BenchResult]:
     """Measure what accuracy costs in texbake and in other programs, and write pages and tables.
 
-    `merge`: result files to add; with `run` false nothing else is shown.
+    `merge`: result files to add. If not `run`, no program runs, and only these are shown.
     """
     check_folder(folder)
     check_matplotlib("bench")

@@ -135,7 +135,7 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
 
 
 def probe_surface(surface: Surface, low: Mesh, n: int, *, reach: float) -> Probes:
-    """Follow rays from about `n` points of a low-poly mesh to a formula, and to no mesh of it.
+    """Follow rays from about `n` points of a low-poly mesh to a formula, without a mesh of it.
 
     The rays begin `reach` outside of the low-poly mesh and end `reach` inside. Points whose ray
     meets nothing are left out.

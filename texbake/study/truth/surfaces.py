@@ -24,7 +24,7 @@ _ROUNDS = 20
 _MOST_STEP = 0.05
 # Value that counts as on the surface.
 _ON_SURFACE = 1e-9
-# Of a ray, and of the step in which it goes inside.
+# Steps along a ray, and halvings of the step in which it goes inside.
 _STEPS, _HALVINGS = 48, 32
 
 
