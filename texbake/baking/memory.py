@@ -20,6 +20,7 @@ PROCESS = 320 * MB
 HELD_FACE = 100
 TREE_FACE = 18
 CORNERS_FACE = 75
+_SMALL_TREE = 1 << 21  # triangles; `raycast/morton_tree.py` counts them in leaves
 _SECONDARY = {"ao", "bent-normal", "thickness"}
 # Per texel of a map, padding included.
 TEXEL = 100
@@ -54,7 +55,7 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
 
     `n_texels`, `maps`: texels per map, and names of the maps.
     """
-    n_corners = n_high_faces if _SECONDARY.intersection(maps) else min(n_high_faces, 1 << 21)
+    n_corners = n_high_faces if _SECONDARY.intersection(maps) else min(n_high_faces, _SMALL_TREE)
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     faces += CORNERS_FACE * n_corners
     return PROCESS + faces + TEXEL * n_texels * max(len(maps), 1)

@@ -105,7 +105,7 @@ class MortonTree:
 
     @cached_property
     def leaves(self) -> FloatArray:
-        """(L, 9, WIDTH) float64: local x, y, z of the first corners of a leaf, then of the others.
+        """(L, 9, WIDTH) float64: local x, y, z of first corners, then of second and third ones.
 
         Hemispheres, whose many rays meet each leaf often, need them.
         """
