@@ -30,7 +30,7 @@ GROUPS = {
     "Pipelines": {
         "build": "Build the assets of a pipeline file.",
         "watch": "Build again whenever a file changes, until Ctrl-C.",
-        "schema": "Print the JSON Schema of pipeline or scene files.",
+        "schema": "Print the JSON Schema of pipeline files, scene files or bench results.",
     },
     "Meshes": {
         "info": "Print what is in MESH.",

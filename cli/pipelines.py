@@ -200,7 +200,7 @@ def watch(pipeline: Path, options: BuildOptions, terminal: Terminal) -> None:
 )
 @terminal_options
 def schema(file: str, output: Path | None, terminal: Terminal) -> None:
-    """Print the JSON Schema of pipeline or scene files, or of result files of the bench.
+    """Print the JSON Schema of pipeline files, scene files or bench results.
 
     With it, an editor completes and checks TOML files as you type. In VS Code, install the
     extension Even Better TOML and put the line "#:schema scene.schema.json" at the top of a scene

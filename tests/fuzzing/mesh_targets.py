@@ -23,7 +23,7 @@ from texbake.mapping.atlas.cutting import cut
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.options import METHODS
 from texbake.mapping.overlap import find_overlaps, overlap_layers
-from texbake.mesh import decimate
+from texbake.mesh import piecewise
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.normals import face_normals, smooth_normals, vertex_curvatures
@@ -102,8 +102,8 @@ def pieces(drawn: Drawn) -> None:
     """Pieces of a large mesh, reduced each for itself; here they are small ones."""
     mesh = drawn.mesh(most=100)
     with (
-        patch.object(decimate, "_START_FACES", 4 + drawn.below(40)),
-        patch.object(decimate, "_PIECE", 8 + drawn.below(40)),
+        patch.object(piecewise, "_START_FACES", 4 + drawn.below(40)),
+        patch.object(piecewise, "_PIECE", 8 + drawn.below(40)),
     ):
         tb.simplify(mesh, 4, quality=drawn.pick(("fast", "best")))
 

@@ -128,7 +128,7 @@ def test_the_core_takes_fewer_places_than_faces():
     mesh = stack(4)
     ids, codes = np.array([2], dtype=np.int32), np.zeros(1, dtype=np.uint64)
     boxes, nodes = np.empty((8, 6), dtype=np.float32), np.empty((8, 2), dtype=np.int32)
-    assert core.build_triangle_tree(mesh.positions, mesh.faces, ids, codes, boxes, nodes) == 1
+    assert core.build_triangle_tree(mesh.positions, mesh.faces, ids, codes, 1, boxes, nodes) == 1
     assert nodes[0].tolist() == [0, 1]
 
 
@@ -218,8 +218,9 @@ def test_distances_at_fewer_points_are_told_in_reports(monkeypatch):
     monkeypatch.setattr(distance, "_BOXES_AT_A_POINT", 0.0)
     _, simplified = simplify_with_report(mesh, 100)
     _, wrapped = remesh_with_report(mesh, texbake.RemeshOptions(resolution=16))
-    for report in (simplified, wrapped):
-        assert sum("points of the surface instead of 100,000" in note for note in report.notes) == 1
+    for report, n_asked in ((simplified, "10,000"), (wrapped, "100,000")):
+        told = f"points of the surface instead of {n_asked}, because"
+        assert sum(told in note for note in report.notes) == 1
     assert simplified.to_json()["distance"]["a_to_b"]["n_left_out"] > 0
     assert wrapped.to_json()["distance"]["n_left_out"] > 0
 
