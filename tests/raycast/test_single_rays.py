@@ -114,6 +114,22 @@ def test_hits_are_as_with_each_triangle_tested(name, compact):
         np.testing.assert_array_equal(back[:, DEPTH] < np.float32(length), met[:, OPEN] == 0.0)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_ray_along_an_axis_that_starts_level_with_an_edge_finds_its_distance(side):
+    """Along the other axes it is at the border of the triangle's box all the way."""
+    mesh = Mesh(positions=[[side, -1, 0], [side, 1, 0], [-side, 0, 0]], faces=[[0, 1, 2]])
+    frame = LocalFrame.around(mesh)
+    point = frame.to_local(mesh.positions)[:2].mean(axis=0) - [0, 0, 0.25]
+    up = np.float32([[0, 0, 1]])
+    domes = Hemispheres(np.array([point]), up, 0 * up, np.zeros(1, dtype=np.uint32))
+    scene = RayScene.build(mesh, frame)
+    for direction in (up, -up):  # inner rays go the other way
+        met = scene.cast_hemispheres(domes, direction[np.newaxis], OcclusionRange(0.0, 1.0, 1.0))
+        is_ahead = direction[0, 2] > 0
+        assert met[0, OPEN] == (0.0 if is_ahead else 1.0)
+        assert met[0, DEPTH] == (1.0 if is_ahead else 0.25)
+
+
 @pytest.mark.parametrize("name", MESHES)
 def test_neither_the_tree_nor_the_neighbors_of_a_ray_change_what_it_hits(name):
     mesh = MESHES[name]()

@@ -82,8 +82,9 @@ static void average_rows(
     int64_t n, const float (*first)[n], const float (*second)[n], int64_t height, int64_t row,
     int64_t window, double (*sums)[n], float (*means)[n])
 {
-    for (int64_t i = 0; i < N_MEANS * n; i++)
-        sums[0][i] = 0.0;
+    for (int k = 0; k < N_MEANS; k++)
+        for (int64_t i = 0; i < n; i++)
+            sums[k][i] = 0.0;
     for (int64_t k = 0; k < window; k++) {
         const int64_t at = mirrored(row - window / 2 + k, height);
         const float *x = first[at], *y = second[at];
@@ -95,8 +96,9 @@ static void average_rows(
             sums[4][i] += x[i] * y[i];
         }
     }
-    for (int64_t i = 0; i < N_MEANS * n; i++)
-        means[0][i] = (float)(sums[0][i] / (double)window);
+    for (int k = 0; k < N_MEANS; k++)
+        for (int64_t i = 0; i < n; i++)
+            means[k][i] = (float)(sums[k][i] / (double)window);
 }
 
 /* Means over `window` values around each of a row of `width` with `channels` each; `row` has room
@@ -136,7 +138,7 @@ EXPORT int64_t compare_structures(
         average_rows(n, x, y, height, at, window, sums, means);
         for (int k = 0; k < N_MEANS; k++)
             average_columns(width, channels, window, row, sums[0], means[k]);
-        float *found = out[at][0];
+        float *found = (float *)out[at];
         for (int64_t i = 0; i < n; i++) {
             const float a = means[0][i], b = means[1][i];
             const float variances = u * (means[2][i] - a * a) + u * (means[3][i] - b * b);

@@ -310,7 +310,7 @@ static void fill_heap(struct simplification *s)
         s->is_waiting[vertex] = true;
         s->heap[s->n_heap++] = (struct waiting){cost, vertex};
     }
-    for (int64_t at = (s->n_heap - 2) / CHILDREN; at >= 0; at--)
+    for (int64_t at = (s->n_heap + CHILDREN - 2) / CHILDREN - 1; at >= 0; at--)
         sift_down(s, at);
 }
 

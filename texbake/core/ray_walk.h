@@ -203,6 +203,8 @@ static inline double held_to_box(const struct walk *walk, const leaf corners, in
 {
     double enters = -INFINITY, leaves = INFINITY;
     for (int axis = 0; axis < 3; axis++) {
+        if (fabs(walk->inverses[axis]) >= MOST_INVERSE)
+            continue; /* it hardly moves along this axis, on which a side of the box may be its start */
         const double a = corners[axis][k], b = corners[3 + axis][k], c = corners[6 + axis][k];
         const double first = (min_f64(min_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
         const double second = (max_f64(max_f64(a, b), c) - walk->origin[axis]) * walk->inverses[axis];
