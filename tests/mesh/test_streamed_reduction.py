@@ -102,6 +102,14 @@ def test_doubled_faces_and_faces_without_area(tmp_path: Path) -> None:
     assert surface_distance(ball, low).rms < 0.02
 
 
+def test_a_surface_around_the_mesh_keeps_the_note_on_the_pieces(tmp_path: Path) -> None:
+    ball = bumpy()
+    holes = Mesh(positions=ball.positions, faces=ball.faces[np.arange(ball.n_faces) % 7 > 0])
+    _, report = simplified(holes, tmp_path, replace(OPTIONS, topology="simplify"))
+    assert "closed surface around" in report.notes[0]
+    assert "in pieces" in report.notes[1]
+
+
 def test_colors_follow_and_hard_edges_stay(tmp_path: Path) -> None:
     """Two halves of a ball, with vertices of their own where they meet."""
     ball = bumpy()

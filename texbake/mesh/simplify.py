@@ -212,8 +212,10 @@ def measured_to(
 ) -> SimplifyReport:
     """Change the report of a simplified wrap to one of the mesh that the wrap was made of."""
     distance = measure_distance(mesh, low, threads=threads)
+    notes = tuple(note for note in report.notes if note not in report.distance.notes)
     whole = mesh if isinstance(mesh, Mesh) else mesh.source
-    notes = (note for note in report.notes if note not in report.distance.notes)
+    if isinstance(mesh, ReducedMesh):
+        notes = (mesh.note, *notes)
     return replace(
         report,
         n_faces_before=whole.n_faces,
