@@ -124,13 +124,23 @@ def test_what_is_wrong_with_a_result_file_is_one_line(tmp_path):
         with pytest.raises(FileFormatError, match=message) as raised:
             read_results(path)
         assert "\n" not in str(raised.value)
+    for key, value, message in (
+        ("program", "ghost", "ghost"),
+        ("seconds", [0.0], "seconds"),
+        ("seconds", [-1.0], "seconds"),
+        ("seconds", [1e308], "seconds"),
+    ):
+        path.write_text(json.dumps(result_of([{**good["contests"][0]["settings"][0], key: value}])))
+        with pytest.raises(FileFormatError, match=message):
+            read_results(path)
     entry = {**good["contests"][0]["settings"][0], "output": "../../secret.png"}
     path.write_text(json.dumps(result_of([entry])))
     with pytest.raises(TexbakeError, match="outside"):
         merge_results(None, [path], Stages(None))
-    path.write_text("{")
-    with pytest.raises(FileFormatError, match="not a result file"):
-        read_results(path)
+    for text in ("{", "[" * 100_000):
+        path.write_text(text)
+        with pytest.raises(FileFormatError, match="not a result file"):
+            read_results(path)
 
 
 def test_the_schema_is_printed():

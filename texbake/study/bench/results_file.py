@@ -42,6 +42,7 @@ from texbake.study.options import CASE_NAMES, MAX_TRIANGLES, TASK_NAMES, BenchOp
 from texbake.study.result import Measurement
 
 SETTINGS = "settings.json"
+_MOST_SECONDS = 1e9
 _FILES = ("high", "high_obj", "low", "mesh", "scene")  # keys of a job that name a file
 
 
@@ -139,11 +140,17 @@ def bench_schema() -> JsonSchema:
 def read_results(path: PathLike) -> ResultTable:
     """Read and check a result file."""
     try:
-        return ResultTable.model_validate(json.loads(read_bytes(path)))
+        table = ResultTable.model_validate(json.loads(read_bytes(path)))
     except ValidationError as error:
         raise FileFormatError(f"{path}: {first_error(error)}") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileFormatError(f"{path}: it is not a result file: {error}") from error
+    for item in (item for contest in table.contests for item in contest.settings):
+        if item.program not in table.programs:
+            raise FileFormatError(f"{path}: {item.program!r} is not one of its programs")
+        if not all(0.0 < time < _MOST_SECONDS for time in item.seconds):
+            raise FileFormatError(f"{path}: seconds must be above 0 and below {_MOST_SECONDS:g}")
+    return table
 
 
 def export_cases(folder: PathLike, options: BenchOptions, stages: Stages) -> list[Path]:
