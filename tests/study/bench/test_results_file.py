@@ -129,6 +129,7 @@ def test_what_is_wrong_with_a_result_file_is_one_line(tmp_path):
         ("seconds", [0.0], "seconds"),
         ("seconds", [-1.0], "seconds"),
         ("seconds", [1e308], "seconds"),
+        ("error", -1.0, "below 0"),
     ):
         path.write_text(json.dumps(result_of([{**good["contests"][0]["settings"][0], key: value}])))
         with pytest.raises(FileFormatError, match=message):

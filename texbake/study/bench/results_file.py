@@ -150,6 +150,8 @@ def read_results(path: PathLike) -> ResultTable:
             raise FileFormatError(f"{path}: {item.program!r} is not one of its programs")
         if not all(0.0 < time < _MOST_SECONDS for time in item.seconds):
             raise FileFormatError(f"{path}: seconds must be above 0 and below {_MOST_SECONDS:g}")
+        if item.error is not None and item.error < 0.0:
+            raise FileFormatError(f"{path}: an error is below 0: {item.error:g}")
     return table
 
 
