@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import texbake
-from texbake.errors import UvError
+from texbake.errors import OptionError, UvError
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.texture.image import Image as TexbakeImage
 from texbake.texture.png_files import picture_png
@@ -68,6 +68,16 @@ def test_a_cell_of_a_notebook_draws_the_mesh(browser, pair, tmp_path):
 def test_maps_need_texture_coordinates(pair, baked):
     with pytest.raises(UvError, match="texture coordinates"):
         texbake.show(pair[0].replace(uvs=None, uv_faces=None), baked)
+
+
+def test_maps_by_name_are_those_of_a_bake_or_files(pair, baked, tmp_path):
+    baked.maps["displacement"].write(tmp_path / "heights.png")
+    maps = {"normal": baked.maps["normal"], "displacement": tmp_path / "heights.png"}
+    html = texbake.show(pair[1], maps).html
+    assert "normal map" in html and "displacement map" in html
+    for wrong in "normal.png", 3, baked.maps["normal"]:
+        with pytest.raises(OptionError, match="what `bake` returned"):
+            texbake.show(pair[1], wrong)
 
 
 def test_printing_takes_one_line(pair, baked):

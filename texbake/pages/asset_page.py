@@ -201,7 +201,7 @@ def _pictures(page: AssetPage) -> list[MapPicture]:
         for name in page.baked.maps
         if page.asked and name not in page.asked
     }
-    return baked_pictures(page.baked, notes)
+    return baked_pictures(page.baked.maps, notes)
 
 
 def _still(page: AssetPage) -> str:

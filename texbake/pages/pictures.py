@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakedMap
 from texbake.files import PathLike, scratch_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.encoding import quantize_srgb, quantize_unsigned
@@ -77,11 +77,13 @@ class MapPicture:
         }
 
 
-def baked_pictures(result: BakeResult, notes: Mapping[str, str] | None = None) -> list[MapPicture]:
+def baked_pictures(
+    maps: Mapping[str, BakedMap], notes: Mapping[str, str] | None = None
+) -> list[MapPicture]:
     """Return pictures of all maps of a bake, halved until they fit a page."""
-    notes, room, pictures = notes or {}, MOST_BYTES // max(len(result.maps), 1), []
+    notes, room, pictures = notes or {}, MOST_BYTES // max(len(maps), 1), []
     with scratch_folder() as folder:
-        for name, baked in result.maps.items():
+        for name, baked in maps.items():
             path = folder / f"{name}.png"
             written = baked.write(path, bits=8)
             pictures.append(

@@ -6,7 +6,8 @@ import html
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from texbake.baking.result import BakeResult
+from texbake.baking.result import BakedMap, BakeResult
+from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -29,6 +30,8 @@ from texbake.texture.image_files import encode_image
 _STILL_PX = 480
 _CHECKER_TEXELS = 512
 
+Maps = BakeResult | Mapping[str, BakedMap | PathLike]
+
 
 @dataclass(frozen=True, repr=False)
 class MeshPage:
@@ -42,7 +45,7 @@ class MeshPage:
         return f"<MeshPage {self.title}: {len(self.html) / 1e6:.1f} MB>"
 
     def _repr_html_(self) -> str:
-        style = f"width: 100%; height: {self.height}px; border: 0"
+        style = f"width: 100%; height: {int(self.height)}px; border: 0"
         title, page = html.escape(self.title), html.escape(self.html)
         words = f'title="{title}" style="{style}" sandbox="allow-scripts" srcdoc="{page}"'
         return f"<iframe {words}></iframe>"
@@ -54,7 +57,7 @@ class MeshPage:
 
 def show(
     mesh: MeshLike,
-    maps: BakeResult | Mapping[str, PathLike] | None = None,
+    maps: Maps | None = None,
     *,
     up: str = RenderOptions.up,
     height: int = 640,
@@ -68,9 +71,9 @@ def show(
     mesh
         A `Mesh`, a `trimesh.Trimesh` or the path of a file.
     maps
-        What `bake` returned, or map files by name, such as ``{"normal": "normal.png"}``. The map
-        `normal` is shown as relief, and the others as colors of the surface. None shows a checker
-        if the mesh has texture coordinates.
+        What `bake` returned, or its maps or map files by name, such as
+        ``{"normal": "normal.png"}``. The map `normal` is shown as relief, and the others as colors
+        of the surface. None shows a checker if the mesh has texture coordinates.
     up
         World axis that points up: `y` or `z`.
     height
@@ -121,11 +124,15 @@ def show(
     return MeshPage(mesh.name, page, height)
 
 
-def _pictures(mesh: Mesh, maps: BakeResult | Mapping[str, PathLike] | None) -> list[MapPicture]:
+def _pictures(mesh: Mesh, maps: Maps | None) -> list[MapPicture]:
     if isinstance(maps, BakeResult):
-        return baked_pictures(maps)
+        maps = maps.maps
+    if maps is not None and not isinstance(maps, Mapping):
+        raise OptionError("maps: pass what `bake` returned, or maps or files by name")
     if maps:
-        return file_pictures(maps, codings=CODINGS)
+        baked = {name: item for name, item in maps.items() if isinstance(item, BakedMap)}
+        files = {name: item for name, item in maps.items() if not isinstance(item, BakedMap)}
+        return [*baked_pictures(baked), *file_pictures(files, codings=CODINGS)]
     if mesh.uvs is None:
         return []
     checker = png_of(checker_image(_CHECKER_TEXELS))
