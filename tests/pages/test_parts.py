@@ -67,7 +67,7 @@ def test_three_js_is_whole_and_has_its_license():
 
 
 def test_pictures_of_a_bake_are_its_codes(baked):
-    pictures = {picture.name: picture for picture in baked_pictures(baked, {"normal": "Hm."})}
+    pictures = {picture.name: picture for picture in baked_pictures(baked.maps, {"normal": "Hm."})}
     shown = pixels_of(pictures["normal"].uri)
     assert shown.shape == (96, 96, 4)
     assert pictures["normal"].note == "Hm." and pictures["displacement"].note == ""
@@ -84,7 +84,7 @@ def test_pictures_of_a_bake_are_its_codes(baked):
 
 def test_directx_reaches_the_view():
     result = bake(plane(), plane(), BakeOptions(size=8, convention="directx"))
-    assert baked_pictures(result)[0].settings()["green"] == -1
+    assert baked_pictures(result.maps)[0].settings()["green"] == -1
 
 
 def test_maps_are_halved_until_they_fit(monkeypatch, tmp_path):
