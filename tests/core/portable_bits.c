@@ -143,9 +143,11 @@ static void run_rays(void)
     for (int i = 0; i < N_FACES; i++)
         places[i] = (uint64_t)i;
     int64_t starts[8] = {0}, n_levels = 0, first = 0, size = (N_LEAVES + 7) / 8;
-    fill_leaves(
-        N_FACES, N_VERTICES, N_FACES, N_LEAVES, size, places, positions, faces,
-        (const double[]){0.0, 0.0, 0.0}, 1.0, leaves, ids, nodes);
+    const double center[3] = {0.0, 0.0, 0.0};
+    bound_leaves(
+        N_FACES, N_VERTICES, N_FACES, N_LEAVES, size, places, positions, faces, center, 1.0, ids,
+        nodes);
+    fill_leaves(N_VERTICES, N_FACES, N_LEAVES, ids, positions, faces, 0, center, 1.0, leaves);
     for (;; size = (size + 7) / 8) {
         starts[n_levels++] = first;
         if (size == 1)
@@ -162,8 +164,9 @@ static void run_rays(void)
     }
     const double box[6] = {-0.6, -0.6, -0.6, 0.6, 0.6, 0.6};
     cast_bundles(
-        N, N_LEAVES, first + 1, n_levels, leaves, ids, nodes, starts, box, origins, unit, lengths,
-        NULL, NULL, 16, false, nearest, backs, hits, weights, distances, passed);
+        N, N_LEAVES, first + 1, n_levels, N_VERTICES, N_FACES, positions, faces, 0, center, 1.0, ids,
+        leaves, nodes, starts, box, origins, unit, lengths, NULL, NULL, 16, false, nearest, backs,
+        hits, weights, distances, passed);
     int64_t n_hits = 0;
     for (int i = 0; i < N; i++)
         n_hits += hits[i] >= 0;

@@ -596,5 +596,5 @@ static inline struct direction plain_direction(double x)
     const bool is_odd_quarter = (n == 1.0) | (n == -1.0), is_half = (n == 2.0) | (n == -2.0);
     const double along = is_odd_quarter ? sine : cosine, up = is_odd_quarter ? cosine : sine;
     return (struct direction){
-        is_half | (n == 1.0) ? -along : along, is_half | (n == -1.0) ? -up : up};
+        (is_half | (n == 1.0)) ? -along : along, (is_half | (n == -1.0)) ? -up : up};
 }
