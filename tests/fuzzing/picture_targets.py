@@ -14,9 +14,10 @@ from drawn import Drawn
 from random_scenes import random_scene, with_object, write_images
 
 import texbake as tb
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import fill_picture
+from texbake.rendering.closeness import structural_similarities, view_errors
 from texbake.rendering.resolve import expose
 from texbake.rendering.scene.textures import WRAPS
 from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
@@ -180,6 +181,18 @@ def preview(drawn: Drawn) -> None:
     expose([frame], options)
     surface_side(mesh)
     fill_picture([mesh], options)
+    closeness(drawn, mesh, frame)
+
+
+def closeness(drawn: Drawn, mesh: tb.Mesh, frame: tb.Frame) -> None:
+    """A picture beside itself, and the sides of a face that an eye anywhere sees."""
+    view_errors(frame, frame, float(drawn.floats(1)[0]))
+    window = min(7, *(side - 1 + side % 2 for side in frame.coverage.shape))
+    if window >= 3:
+        color = np.ascontiguousarray(frame.color[..., :3], np.float32)
+        structural_similarities(color, color[::-1].copy(), window)
+    face = np.array([drawn.below(mesh.n_faces)], np.int32)
+    core.measure_facing(mesh.positions, mesh.faces, face, drawn.floats(3), np.empty(1))
 
 
 def numbers(drawn: Drawn) -> None:
