@@ -87,16 +87,24 @@ def _map_at(
     return np.ascontiguousarray(pixels[..., :3]), is_empty
 
 
-def _truth_of(case: BenchCase) -> tuple[str, str]:
+def _judged_by_rays(
+    case: BenchCase, folder: Path, judge: Callable[[Product], Evaluation]
+) -> Prepared:
+    """Prepare a task whose truth is what rays of the case hit."""
     points = "From points spread evenly over the low-poly mesh, rays are followed "
     if case.surface is None:
-        return "rays", (
-            f"{points}to the high-poly mesh; what they hit is the truth, without a texture between."
+        truth = "rays"
+        about = (
+            f"{points}to the high-poly mesh; their hits are the truth, without a texture between."
         )
-    return "closed form", (
-        f"{points}to the formula that the high-poly mesh was made from, and to no mesh; the normal "
-        "and the height there are the truth. Points whose ray meets nothing are left out."
-    )
+    else:
+        truth = "closed form"
+        about = (
+            f"{points}to the formula that the high-poly mesh was made from, and to no mesh; the "
+            "normal and the height there are the truth. Points are left out if their ray meets "
+            "nothing."
+        )
+    return Prepared(case.subject, truth, about, _job(case, folder), judge)
 
 
 # Normals
@@ -129,8 +137,7 @@ def _prepare_normals(case: BenchCase, options: BenchOptions, folder: Path) -> Pr
             },
         )
 
-    truth, words = _truth_of(case)
-    return Prepared(case.subject, truth, words, _job(case, folder), judge)
+    return _judged_by_rays(case, folder, judge)
 
 
 NORMALS_TASK = BenchTask(
@@ -168,8 +175,7 @@ def _prepare_displacement(case: BenchCase, options: BenchOptions, folder: Path) 
             },
         )
 
-    truth, words = _truth_of(case)
-    return Prepared(case.subject, truth, words, _job(case, folder), judge)
+    return _judged_by_rays(case, folder, judge)
 
 
 DISPLACEMENT_TASK = BenchTask(
