@@ -1,5 +1,6 @@
 """Stages: what listeners hear, and what is kept for the report."""
 
+import re
 import subprocess
 import sys
 from itertools import count
@@ -99,6 +100,7 @@ def test_peak_memory_is_not_that_of_the_process_before():
 def test_true_shows_a_bar_that_ends_as_a_line(capsys, monkeypatch):
     ticks = count(step=0.5)
     monkeypatch.setattr(progress.time, "perf_counter", lambda: next(ticks))
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     stages = Stages(True)
     with stages.stage("cast rays", total=8, unit="rays") as advance:
         advance(2)
@@ -111,6 +113,15 @@ def test_true_shows_a_bar_that_ends_as_a_line(capsys, monkeypatch):
     assert whole.startswith(f"cast rays [{'#' * 24}] 100 % ")
     assert last.rstrip().startswith("cast rays: ") and len(last) == len(whole)
     assert lines[1].split("\r")[-1].startswith("weld: ") and lines[2] == ""
+
+
+def test_a_file_gets_the_times_alone(capsys, monkeypatch):
+    ticks = count(step=0.5)
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(ticks))
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    with Stages(True).stage("cast rays", total=8, unit="rays") as advance:
+        advance(8)
+    assert re.fullmatch(r"cast rays: \d+\.\d s\n", capsys.readouterr().err)
 
 
 def test_a_short_stage_leaves_nothing(capsys, monkeypatch):

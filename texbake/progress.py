@@ -34,7 +34,8 @@ class ProgressSink(Protocol):
 class ProgressBar:
     """Shows the running stage on stderr, in a terminal or a notebook: what `progress=True` means.
 
-    A stage that took a tenth of a second or more leaves a line with its time.
+    A stage that took a tenth of a second or more leaves a line with its time. A file gets these
+    lines alone.
     """
 
     INTERVAL = 0.1  # seconds between two states of a stage
@@ -42,6 +43,7 @@ class ProgressBar:
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
+        self._is_file = not (self._stream.isatty() or "ipykernel" in sys.modules)
         self._running: dict[str, tuple[float, int | None]] = {}
         self._shown = 0.0  # when
         self._width = 0  # characters on the line
@@ -53,7 +55,7 @@ class ProgressBar:
     def advanced(self, stage: str, done: int) -> None:
         """Draw the bar of a stage again, ten times per second at most."""
         now = time.perf_counter()
-        if now - self._shown < self.INTERVAL:
+        if self._is_file or now - self._shown < self.INTERVAL:
             return
         self._shown = now
         begun, total = self._running[stage]
@@ -75,7 +77,7 @@ class ProgressBar:
         self._width = 0
 
     def _write(self, text: str) -> None:
-        self._stream.write(f"\r{text:<{self._width}}")
+        self._stream.write(text if self._is_file else f"\r{text:<{self._width}}")
         self._stream.flush()
         self._width = len(text)
 

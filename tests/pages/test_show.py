@@ -116,3 +116,8 @@ def test_large_pictures_become_means_of_blocks_and_ids_do_not():
     thin = picture_png(np.zeros((5000, 1, 1), np.float32), is_color=False)
     with Image.open(io.BytesIO(thin)) as picture:
         assert picture.size == (1, 1000)
+
+
+def test_an_array_is_no_map(pair):
+    with pytest.raises(OptionError, match="maps: normal is an array; pass a map of `bake`"):
+        texbake.show(pair[1], {"normal": np.zeros((8, 8, 3), np.float32)})

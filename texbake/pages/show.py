@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -132,6 +133,9 @@ def _pictures(mesh: Mesh, maps: Maps | None) -> list[MapPicture]:
     if maps:
         baked = {name: item for name, item in maps.items() if isinstance(item, BakedMap)}
         files = {name: item for name, item in maps.items() if not isinstance(item, BakedMap)}
+        for name, item in files.items():
+            if not isinstance(item, (str, os.PathLike)):
+                raise OptionError(f"maps: {name} is an array; pass a map of `bake`, or a file")
         return [*baked_pictures(baked), *file_pictures(files, codings=CODINGS)]
     if mesh.uvs is None:
         return []

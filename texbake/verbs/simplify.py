@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 _CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
 _FACE = 125  # bytes of memory for each triangle of a mesh that is simplified in memory
+_WHOLE = (
+    "{mesh} was read whole, over `max_memory`: only binary PLY and STL files without texture "
+    "coordinates, simplified to a small share of their triangles and without `error`, can be read "
+    "in pieces"
+)
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
 
@@ -112,11 +117,14 @@ def simplify_levels(
         read = joined_objects(read)
     with Stages(progress).stage("find outside"):
         high, turned = oriented(read, options.orientation, threads=threads)
+    notes = turned.notes
+    if options.max_memory is not None and source is None and read.n_faces > _most(options):
+        notes = (*notes, _WHOLE.format(mesh=Path(mesh).name))
     results = []
     for count, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
         level = _level(high, source, materials, count, output, options, mtl, threads, progress)
-        figures = replace(level.report, notes=(*turned.notes, *level.report.notes))
+        figures = replace(level.report, notes=(*notes, *level.report.notes))
         results.append(replace(level, report=figures, warnings=(*figures.notes, *level.warnings)))
     return results
 
@@ -131,13 +139,11 @@ def _read(
     """Read a mesh, or what is left of one that is too large for memory."""
     from texbake.jobs.mesh_output import MeshFileMaterials, read_with_materials
     from texbake.mesh.streamed.mesh import StreamedMesh
-    from texbake.mesh.streamed.reduction import MOST_IN_MEMORY, ReducedMesh
+    from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.mesh.streamed.source import open_source
     from texbake.progress import Stages
 
-    limit, most = options.max_memory, MOST_IN_MEMORY
-    if limit is not None:
-        most = min(most, max(int(memory_left(limit, PROCESS) // _FACE), 0))
+    most = _most(options)
     counts = [count for count, _ in levels if count is not None]
     # A triangle takes at least 8 bytes of a file. An error is measured on the mesh itself.
     if options.error is None and counts and _file_size(path) > 8 * most:
@@ -150,6 +156,15 @@ def _read(
             if reduced is not None:
                 return reduced.mesh, MeshFileMaterials.read(path, reduced.mesh), reduced
     return *read_with_materials(path, progress), None
+
+
+def _most(options: SimplifyOptions) -> int:
+    """Most triangles of a mesh that is simplified in memory."""
+    from texbake.mesh.streamed.reduction import MOST_IN_MEMORY
+
+    if options.max_memory is None:
+        return MOST_IN_MEMORY
+    return min(MOST_IN_MEMORY, max(int(memory_left(options.max_memory, PROCESS) // _FACE), 0))
 
 
 def _file_size(path: PathLike) -> int:
