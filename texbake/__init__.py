@@ -9,8 +9,35 @@
 first used, so importing the package costs almost nothing.
 """
 
-import lazy_loader
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+def _public_names() -> dict[str, str]:
+    """Return the module of each public name, from the only list of them."""
+    found, module = {}, ""
+    stub = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    for opened, name in re.findall(r"^from (\S+) import|\b(\w+) as \2\b", stub, re.MULTILINE):
+        module = opened or module
+        if name:
+            found[name] = module
+    return found
+
+
+_MODULES = _public_names()
+__all__ = list(_MODULES)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_MODULES[name], __name__), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return __all__

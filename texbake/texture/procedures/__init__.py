@@ -5,13 +5,15 @@ Names, parameters and their checks do not need numpy; everything else is importe
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import lazy_loader
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from texbake.texture.procedures.evaluation import evaluate as evaluate
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submod_attrs={"evaluation": ["evaluate"]}
-)
+
+def __getattr__(name: str) -> Any:
+    if name != "evaluate":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from texbake.texture.procedures import evaluation
+
+    return evaluation.evaluate
