@@ -137,7 +137,7 @@ static void run_rays(void)
     static uint64_t places[N_FACES];
     static double leaves[N_LEAVES][9][8], lengths[N], nearest[N], backs[N], weights[N][2],
         distances[N], origins[N][3];
-    static int32_t ids[N_LEAVES][8], hits[N];
+    static int32_t ids[N_LEAVES][8], hits[N], texels[N][2], charts[N];
     static float nodes[MOST_NODES][6][8];
     static bool passed[N];
     for (int i = 0; i < N_FACES; i++)
@@ -159,13 +159,14 @@ static void run_rays(void)
         lengths[i] = 2.0;
         nearest[i] = backs[i] = 1e300;
         hits[i] = -1;
+        texels[i][0] = i % 16, texels[i][1] = i / 16;
         for (int axis = 0; axis < 3; axis++)
             origins[i][axis] = 0.1 * points[i][axis] - 0.7 * unit[i][axis];
     }
     const double box[6] = {-0.6, -0.6, -0.6, 0.6, 0.6, 0.6};
     cast_bundles(
         N, N_LEAVES, first + 1, n_levels, N_VERTICES, N_FACES, positions, faces, 0, center, 1.0, ids,
-        leaves, nodes, starts, box, origins, unit, lengths, NULL, NULL, 16, false, nearest, backs,
+        leaves, nodes, starts, box, origins, unit, lengths, texels, charts, false, nearest, backs,
         hits, weights, distances, passed);
     int64_t n_hits = 0;
     for (int i = 0; i < N; i++)

@@ -35,7 +35,7 @@ from texbake.mesh.weld import weld_rows
 from texbake.mesh.wrapping import remesh_with_few_tunnels
 from texbake.raycast.orientation import oriented
 from texbake.raycast.rays import Hemispheres, OcclusionRange, Rays, direction_sets
-from texbake.raycast.scene import RayScene
+from texbake.raycast.scene import RayPlaces, RayScene
 
 MAPS = ("normal", "normal", "displacement", *(n for n in MAP_NAMES if n not in MATERIAL_MAPS))
 CHANNELS = ("normal", "base-color", "roughness", "material-id")
@@ -226,8 +226,10 @@ def rays(drawn: Drawn) -> None:
     lengths = np.where(directions.any(axis=1), lengths, 0.0)
     chunk = drawn.pick((None, None, 1, 5))
     scene = RayScene.build(mesh, frame, chunk_faces=chunk)
+    cells = np.stack(np.divmod(np.arange(n, dtype=np.int32), np.int32(4)), axis=1)
+    places = RayPlaces(drawn.indices(2, n).astype(np.int32), cells)
     scene.cast(Rays(origins, directions, lengths, np.zeros(n)), cull_back_faces=drawn.flag(),
-               in_bundles=drawn.flag())  # fmt: skip
+               places=drawn.pick((None, places)))  # fmt: skip
     if chunk is None and drawn.flag():
         axes = directions.astype(np.float32)
         ids = drawn.indices(200, n).astype(np.uint32)

@@ -50,6 +50,13 @@ def inward(n, rng, spread):
     return Rays(starts, directions, rng.uniform(0.0, 1.2, n), np.zeros(n))
 
 
+def in_squares(n):
+    """Places of rays that fill one square of a bundle after another."""
+    place, across = np.arange(n, dtype=np.int32), np.int32(BUNDLE_SIDE)
+    cells = np.stack([place % across, place // across], axis=1)
+    return RayPlaces(np.zeros(n, dtype=np.int32), cells)
+
+
 @pytest.mark.parametrize("cull", [True, False])
 @pytest.mark.parametrize("spread", [0.0, 0.1, 1.0])
 def test_every_ray_has_the_hit_of_a_plain_caster(cull, spread):
@@ -59,7 +66,7 @@ def test_every_ray_has_the_hit_of_a_plain_caster(cull, spread):
     rays = inward(400, np.random.default_rng(4), spread)
     rays.lengths[::17] = 0.0
     rays.lengths[1::17] = np.inf
-    found = RayScene.build(mesh, frame).cast(rays, cull_back_faces=cull)
+    found = RayScene.build(mesh, frame).cast(rays, cull_back_faces=cull, places=in_squares(400))
     plain = PlainScene(mesh, frame).cast(rays, cull_back_faces=cull)
     np.testing.assert_array_equal(found.faces, plain.faces)
     np.testing.assert_array_equal(found.passed_back, plain.passed_back)
@@ -90,11 +97,12 @@ def test_hits_depend_on_no_bundle(seed):
 @pytest.mark.parametrize("in_bundles", [True, False])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -1e300])
 def test_rays_that_are_not_finite_hit_nothing(value, in_bundles):
+    places = in_squares(700) if in_bundles else None
     rays = inward(700, np.random.default_rng(5), 0.3)
     rays.origins[::7, 0] = value
     rays.directions[1::7, 1] = value
     mesh = bumpy()
-    found = RayScene.build(mesh, LocalFrame.around(mesh)).cast(rays, in_bundles=in_bundles)
+    found = RayScene.build(mesh, LocalFrame.around(mesh)).cast(rays, places=places)
     others = found.faces.reshape(-1, 7)
     assert (others[:, :2] == NO_HIT).all()
     assert (others[:, 2:] != NO_HIT).any(axis=0).all()

@@ -264,7 +264,7 @@ def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit:
     field = RayField(low, scene.frame, kind=kind, front=0.0, back=1.0, threads=threads)
     inward, n = field.rays(samples), len(samples)
     probe = RayProbe(faces, inward, RayHits.misses(n), RayHits.misses(n))
-    # Bundles of long rays meet most of the mesh. A scene in chunks takes longer for two calls.
+    # Most rays meet something near. A scene in chunks takes longer for two calls.
     near = limit if scene.in_chunks else min(_NEAR_REACH, limit)
     for reach in sorted({near, limit}):
         probe = _cast_farther(scene, probe, reach)

@@ -289,8 +289,9 @@ class Trace:
             return rays_of.rays(some, threads=1), self._field.places(some, grid)
 
         if not scene.in_chunks:
-            rays_at = rows_of(*make(slice(None)))
-            ray_hits = self._cast_near_first(*rays_at(slice(None)), threads)
+            all_rays, places = make(slice(None))
+            rays_at = rows_of(all_rays, places)
+            ray_hits = self._cast_near_first(all_rays, places, threads)
         else:
             rays_at, cull = make, self.options.cull_back_faces
             ray_hits = scene.cast_in_order(

@@ -812,29 +812,6 @@ static void load_rays(
     }
 }
 
-/* Give rays without places some, in as many rows as columns: sorted by y, and each row by x. */
-static void rank_rays(
-    int64_t n, int64_t *chosen, const struct rays *rays, int x, int y, int places[RAYS])
-{
-    int side = 1;
-    while (side * side < n)
-        side++;
-    for (int64_t pass = 0; pass < 2; pass++)
-        for (int64_t start = 0; start < n; start += pass ? side : n) {
-            const int64_t end = pass && start + side < n ? start + side : n, axis = pass ? x : y;
-            for (int64_t k = start + 1; k < end; k++) {
-                const int64_t moved = chosen[k];
-                int64_t at = k;
-                for (; at > start && rays->origins[chosen[at - 1]][axis] >
-                                         rays->origins[moved][axis]; at--)
-                    chosen[at] = chosen[at - 1];
-                chosen[at] = moved;
-            }
-        }
-    for (int64_t k = 0; k < n; k++)
-        places[k] = (int)(k / side * SIDE + k % side);
-}
-
 /* Planes between which the rays run within the box of the triangles, and how uncertain an edge can be.
    False where the rays do not reach the box. */
 static bool place_planes(struct bundle *bundle, const struct ray_tree *tree)
@@ -869,15 +846,12 @@ static void load_bundle(
     struct bundle *bundle, int64_t n, int64_t *chosen, const struct rays *rays,
     const double *nearest, int places[RAYS])
 {
-    if (!rays->places)
-        rank_rays(n, chosen, rays, bundle->order[0], bundle->order[1], places);
     bool taken[RAYS] = {false};
     bundle->n = (int)n;
     bundle->n_columns = bundle->n_rows = 0;
     for (int64_t k = 0; k < n; k++) {
-        if (rays->places)
-            places[k] = (rays->places[chosen[k]][1] & (SIDE - 1)) * SIDE +
-                        (rays->places[chosen[k]][0] & (SIDE - 1));
+        places[k] = (rays->places[chosen[k]][1] & (SIDE - 1)) * SIDE +
+                    (rays->places[chosen[k]][0] & (SIDE - 1));
         while (taken[places[k]]) /* two rays in one place: the next that is free */
             places[k] = (places[k] + 1) % RAYS;
         taken[places[k]] = true;
@@ -993,8 +967,7 @@ static void cast_together(
             continue;
         int64_t chosen[RAYS], n = 0;
         for (int64_t j = i; j < end; j++)
-            if (headings[j - first] == direction &&
-                (!rays->charts || rays->charts[j] == rays->charts[i])) {
+            if (headings[j - first] == direction && rays->charts[j] == rays->charts[i]) {
                 headings[j - first] = -1;
                 chosen[n++] = j;
             }
@@ -1005,11 +978,10 @@ static void cast_together(
     }
 }
 
-/* Cast rays, of which those that belong together stand one after another. Rays with `places` are
-   those of texels (column, row), listed square by square; else each `n_together` in turn are near
-   each other. `nearest`, `backs` and the other results begin with what other trees gave: the
-   distances of the nearest hit and of the nearest back face, as the test has computed them, and the
-   hit itself, refined. */
+/* Cast rays. Those with `places` and `charts` are of texels (column, row), listed square by square;
+   others are cast one by one. `nearest`, `backs` and the other results begin with what other trees
+   gave: the distances of the nearest hit and of the nearest back face, as the test has computed them,
+   and the hit itself, refined. */
 EXPORT int64_t cast_bundles(
     int64_t n, int64_t n_leaves, int64_t n_nodes, int64_t n_levels, int64_t n_vertices,
     int64_t n_faces, const double positions[n_vertices][3], const int32_t mesh_faces[n_faces][3],
@@ -1017,8 +989,8 @@ EXPORT int64_t cast_bundles(
     OPTIONAL const double leaves[n_leaves][9][8], const float nodes[n_nodes][6][8],
     const int64_t starts[n_levels], const double box[6],
     const double origins[n][3], const double directions[n][3], const double lengths[n],
-    OPTIONAL const int32_t places[n][2], OPTIONAL const int32_t charts[n], int64_t n_together,
-    bool cull, double nearest[n], double backs[n], int32_t faces[n], double barycentrics[n][2],
+    OPTIONAL const int32_t places[n][2], OPTIONAL const int32_t charts[n], bool cull,
+    double nearest[n], double backs[n], int32_t faces[n], double barycentrics[n][2],
     double distances[n], bool passed_back[n])
 {
     OPEN_ARENA(arena);
@@ -1030,11 +1002,13 @@ EXPORT int64_t cast_bundles(
     tree.mesh = (struct tree_mesh){positions, mesh_faces, first_face, center, scale};
     const struct rays rays = {origins, directions, lengths, places, charts};
     const struct results results = {cull, nearest, backs, barycentrics, distances, faces};
-    for (int64_t first = 0, end; first < n && n_leaves > 0; first = end) {
-        const int64_t most = places ? RAYS : n_together;
-        for (end = first + 1; end < n && end - first < most; end++)
-            if (places && ((places[end][0] ^ places[first][0]) & -SIDE ||
-                           (places[end][1] ^ places[first][1]) & -SIDE))
+    for (int64_t i = 0; !places && i < n && n_leaves > 0; i++)
+        if (heading(&rays, i) >= 0)
+            cast_alone(i, &tree, &rays, &results);
+    for (int64_t first = 0, end; places && first < n && n_leaves > 0; first = end) {
+        for (end = first + 1; end < n && end - first < RAYS; end++)
+            if ((places[end][0] ^ places[first][0]) & -SIDE ||
+                (places[end][1] ^ places[first][1]) & -SIDE)
                 break;
         cast_together(first, end, &tree, &rays, &results, bundle, batch);
     }

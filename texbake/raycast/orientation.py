@@ -324,4 +324,4 @@ def _cast(scene: RayScene, origins: FloatArray, directions: FloatArray, length: 
     """Cast rays that stop at back faces too."""
     n = len(origins)
     rays = Rays(origins, directions, np.full(n, length), np.zeros(n))
-    return scene.cast(rays, cull_back_faces=False, in_bundles=False)
+    return scene.cast(rays, cull_back_faces=False)

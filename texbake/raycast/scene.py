@@ -1,8 +1,9 @@
 """A mesh that rays are cast into: `RayScene.build` makes it, `RayScene.cast` turns rays into hits.
 
-Rays that start side by side and are nearly parallel go through the tree in bundles. Hits are exact:
-no ray passes between two triangles that share an edge, and a hit does not depend on the number of
-threads, on the other rays of a call, or on whether the mesh is traced in chunks.
+Rays of neighboring texels go through the tree in bundles, other rays one by one, which takes less
+time even where they are nearly parallel. Hits are exact: no ray passes between two triangles that
+share an edge, and a hit does not depend on the number of threads, on the other rays of a call, or
+on whether the mesh is traced in chunks.
 
 Secondary rays, which spread over hemispheres, are cast one by one into the same tree, with the same
 exact test.
@@ -19,10 +20,10 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core, portable_math as pm
+from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
 from texbake.raycast.morton_tree import MortonTree
@@ -33,11 +34,6 @@ Float32Array = npt.NDArray[np.float32]
 BUNDLE_SIDE = 16  # texels along one side of a square whose rays are one bundle
 _RAYS_PER_BAND = 1 << 14
 _HEMISPHERES_PER_BAND = 1 << 10  # a multiple of the number that the kernel casts together
-# Rays without places: bundles are the smaller the fewer rays there are for each triangle, so that a
-# bundle of rays that are far apart does not visit many triangles for nothing.
-_MOST_TOGETHER = 64
-_KEY_LEVELS = 10  # of the Morton curve in the keys that rays are sorted by
-_TRIANGLES_PER_BUNDLE = 256
 # Of the boxes of rays, in local units: far more than rounding.
 _BOX_SLACK = 1e-6
 
@@ -46,15 +42,15 @@ _BOX_SLACK = 1e-6
 class RayPlaces(Rows):
     """Where rays stand in a texture, for bundles: rows as in `Rays`.
 
-    The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other. Without columns
-    and rows, neighbors of one chart can be in one bundle.
+    The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other.
     """
 
     charts: npt.NDArray[np.int32]  # (n,) int32; rays of different charts are not in one bundle
-    cells: npt.NDArray[np.int32] | None = None  # (n, 2) int32; column and row
+    cells: npt.NDArray[np.int32]  # (n, 2) int32; column and row
 
 
-MakeRays = Callable[[slice], tuple[Rays, RayPlaces]]
+# The rays of a band; without places, each is cast alone.
+MakeRays = Callable[[slice], tuple[Rays, RayPlaces | None]]
 
 
 class RayScene:
@@ -114,15 +110,13 @@ class RayScene:
         *,
         cull_back_faces: bool = True,
         places: RayPlaces | None = None,
-        in_bundles: bool = True,
     ) -> RayHits:
         """Find the first hit of each ray within its length; of equally near faces the lowest.
 
         With culling, rays pass through faces that face away from their origin.
 
         `places`: for rays of samples of a texture, which are then cast in bundles of neighbors;
-        other rays are sorted first; `in_bundles`: False for rays in unrelated directions,
-        each of which is then cast alone.
+        other rays are sorted first.
         """
         if places is not None:
             make = rows_of(rays, places)
@@ -132,8 +126,7 @@ class RayScene:
         keys = np.empty(len(rays), dtype=np.uint64)
         core.sort_keys_of_rays(rays.origins, rays.directions, rays.lengths, keys)
         order = np.argsort(keys, kind="stable")
-        groups = _groups(keys[order]) if in_bundles else np.arange(len(rays), dtype=np.int32)
-        make = rows_of(rays.where(order), RayPlaces(groups))
+        make = rows_of(rays.where(order))
         sorted_hits = self.cast_in_order(len(rays), make, cull_back_faces=cull_back_faces)
         hits = RayHits.misses(len(rays))
         hits.take(sorted_hits, order)
@@ -150,8 +143,6 @@ class RayScene:
         hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
         nearest, backs = np.full(n, np.inf), np.full(n, np.inf)
-        together = _TRIANGLES_PER_BUNDLE * n // max(self.source.n_faces, 1)
-        together = min(max(together, 1), _MOST_TOGETHER)
         boxes = np.full((-(-n // _RAYS_PER_BAND), 6), np.nan)
         for tree in self.trees():
 
@@ -174,9 +165,8 @@ class RayScene:
                     rays.origins,
                     rays.directions,
                     rays.lengths,
-                    places.cells,
-                    places.charts,
-                    together,
+                    None if places is None else places.cells,
+                    None if places is None else places.charts,
                     cull_back_faces,
                     nearest[band],
                     backs[band],
@@ -245,9 +235,9 @@ class RayScene:
         return results
 
 
-def rows_of(rays: Rays, places: RayPlaces) -> MakeRays:
+def rows_of(rays: Rays, places: RayPlaces | None = None) -> MakeRays:
     """Return what makes bands of rays that are in memory."""
-    return lambda band: (rays.where(band), places.where(band))
+    return lambda band: (rays.where(band), None if places is None else places.where(band))
 
 
 def _ends(rays: Rays) -> FloatArray:
@@ -255,13 +245,3 @@ def _ends(rays: Rays) -> FloatArray:
     with np.errstate(invalid="ignore"):  # 0 times infinity: the ray stays where it begins
         ends = rays.origins + rays.directions * rays.lengths[:, np.newaxis]
     return np.concatenate([rays.origins, ends])
-
-
-def _groups(keys: npt.NDArray[np.uint64]) -> IntArray:
-    """(n,) int32 group of each ray: those in one cell of space, with similar directions.
-
-    On a surface, cells of level k hold about n / 4^(k + 1) of n rays.
-    """
-    level = int(np.clip(pm.log2(len(keys) / _MOST_TOGETHER) / 2.0 - 1.0, 0, _KEY_LEVELS))
-    cells = keys >> np.uint64(3 * (_KEY_LEVELS - level))
-    return np.cumsum(np.diff(cells, prepend=cells[:1]) != 0, dtype=np.int32)
