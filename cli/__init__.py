@@ -13,7 +13,10 @@ def run() -> None:
 
     open_closed_streams()  # before pipes could take their numbers
     end_cleanly_on_signals()
-    from .main import texbake
+    try:
+        from .main import texbake
+    except ModuleNotFoundError as error:
+        sys.exit(f"texbake: {error.name} is missing; install it with: pip install click rich")
 
     try:
         texbake(prog_name="texbake")

@@ -316,6 +316,10 @@ def python_page() -> str:
         _MADE,
         "`import texbake` takes a few milliseconds; each name is loaded when it is first used. A "
         "function that takes a mesh takes a `Mesh`, a `trimesh.Trimesh` or the path of a file.",
+        "Where NumPy is the only other package (`pip install numpy`, then `pip install --no-deps` "
+        "and the wheel), meshes, OBJ, PLY, STL and GLB files, texture coordinates, bakes, pictures "
+        "and PNG files that are written work as always. Whatever needs another library, such as "
+        "reading an image, raises a `DependencyError` that says how to install it.",
     ]
     for package, title in _PACKAGE_TITLES.items():
         if package in names:

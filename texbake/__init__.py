@@ -35,7 +35,13 @@ __all__ = list(_MODULES)
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = globals()[name] = getattr(import_module(_MODULES[name], __name__), name)
+    try:
+        value = globals()[name] = getattr(import_module(_MODULES[name], __name__), name)
+    except ModuleNotFoundError as error:
+        from texbake.errors import require_library
+
+        require_library(error.name or "", name)
+        raise
     return value
 
 

@@ -20,6 +20,8 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from importlib import import_module
+from typing import Any
 
 _OPENING = re.compile(r"\w+(?:, \w+)*(?=: )")
 _MOST_QUOTED = 60  # characters of a value that a message shows
@@ -117,6 +119,26 @@ class OptionError(TexbakeError, ValueError):
 
 class DependencyError(TexbakeError, ImportError):
     """An optional or native library that the work needs is missing or does not load."""
+
+
+_PACKAGES = {"PIL": "pillow", "collada": "pycollada"}  # where the name of a module differs
+
+
+def require_library(module: str, what: object, package: str = "") -> Any:
+    """Import a library for what needs it, such as a file; raise `DependencyError` without it.
+
+    `package`: what pip installs, if it is not the module's name in small letters.
+    """
+    try:
+        return import_module(module)
+    except ImportError as error:
+        name = module.partition(".")[0]
+        is_missing = isinstance(error, ModuleNotFoundError)
+        state = "is missing" if is_missing else f"does not load ({one_line(error)})"
+        package = package or _PACKAGES.get(name, name.lower())
+        raise DependencyError(
+            f"{what}: {name} {state}; install it with: pip install {package}"
+        ) from error
 
 
 class FileError(TexbakeError, OSError):

@@ -13,8 +13,9 @@ import pytest
 import trimesh
 
 import texbake
-from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError
+from texbake.errors import DependencyError, FileFormatError, MeshError, ReadWarning, TexbakeError
 from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
+from texbake.mesh.files.trimesh_read import mesh_of_trimesh
 from texbake.mesh.shapes import cube, uv_sphere
 
 ONLY_READ = sorted({*MESH_SUFFIXES} - {*WRITABLE_MESH_SUFFIXES, ".gltf"})
@@ -286,3 +287,21 @@ def test_indices_of_collada_that_are_out_of_range_are_refused(index: str, tmp_pa
     path.write_text(text[:start] + index + text[text.index(" ", start) :], "utf-8")
     with pytest.raises(FileFormatError, match="an index of its faces is out of range"):
         texbake.read_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "module", "package"),
+    [
+        (".dae", "collada", "pycollada"),
+        (".dae", "trimesh", "trimesh"),
+        (".3mf", "networkx", "networkx"),
+        (".xaml", "lxml", "lxml"),
+    ],
+)
+def test_a_missing_library_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, module: str, package: str
+) -> None:
+    (tmp_path / f"a{suffix}").write_text("<a/>")
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(DependencyError, match=f"{module} is missing; .*pip install {package}$"):
+        mesh_of_trimesh(tmp_path / f"a{suffix}")

@@ -4,6 +4,7 @@ import importlib.util
 import json
 import math
 import re
+import sys
 from html.parser import HTMLParser
 from importlib import import_module
 from itertools import pairwise
@@ -349,7 +350,7 @@ def test_axes_leave_room_around_their_points():
 
 
 def test_without_matplotlib_one_line_says_what_to_install(monkeypatch, quick_study, tmp_path):
-    monkeypatch.setattr(plots, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(DependencyError, match=r"texbake\[study\]"):
         write_study(quick_study, tmp_path / "never")
     assert not (tmp_path / "never").exists()

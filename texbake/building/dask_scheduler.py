@@ -25,7 +25,7 @@ from texbake import __version__
 from texbake.building.digests import checksum
 from texbake.building.store import Store
 from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
-from texbake.errors import DependencyError, FileError, OptionError, TexbakeError
+from texbake.errors import FileError, OptionError, TexbakeError, require_library
 
 _ANSWER_SECONDS = 10  # within which a scheduler must answer
 _LOAD_SECONDS = 60  # within which workers must answer; they load texbake first
@@ -269,12 +269,7 @@ def _memory_of_a_task(workers: dict[str, Any]) -> dict[str, int]:
 
 def _connected(address: str) -> Any:
     """Return a client of a scheduler."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise DependencyError(
-            'scheduler: dask is missing; install it with: pip install "texbake[dask]"'
-        ) from error
+    distributed = require_library("distributed", "scheduler", '"texbake[dask]"')
     for name in _LOUD:  # the build reports errors in one line instead
         logging.getLogger(name).setLevel(logging.CRITICAL)
     client: Any = distributed.Client

@@ -17,7 +17,7 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from texbake.errors import DependencyError, FileError, TexbakeError
+from texbake.errors import FileError, TexbakeError, require_library
 from texbake.files import make_folder, replacing
 
 
@@ -194,12 +194,7 @@ def matches(pattern: str, folder: Path) -> list[str]:
 
 def _file_system(url: str) -> tuple[Any, str]:
     """Return the file system of a URL, and the path in it."""
-    try:
-        import fsspec
-    except ImportError as error:
-        raise DependencyError(
-            f'{url}: fsspec is missing; install it with: pip install "texbake[dask]"'
-        ) from error
+    fsspec = require_library("fsspec", url, '"texbake[dask]"')
     with file_errors(url):
         try:
             fs, path = fsspec.core.url_to_fs(url)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import UvError
+from texbake.errors import UvError, require_library
 from texbake.mapping.corner_uvs import signed_areas, unmeasurable_size
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -199,6 +199,7 @@ def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
     `size`: height of the font in pixels, about 4/3 of the height of a digit. Returns (h, w)
     float32: share of each pixel that glyphs cover, row 0 at the top. Empty if nothing is drawn.
     """
+    require_library("PIL", "text in pictures")
     from PIL import Image, ImageDraw, ImageFont
 
     font = ImageFont.load_default(size)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, counted, warn_of
+from texbake.errors import MeshError, counted, require_library, warn_of
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts
 from texbake.mesh.mesh import Mesh
@@ -72,11 +73,11 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene, *, name: str | None = No
     >>> from_trimesh(trimesh.creation.box()).n_faces
     12
     """
-    import trimesh
-
-    if isinstance(mesh, trimesh.Scene):
+    # Whoever has a mesh of trimesh has imported it.
+    trimesh: Any = sys.modules.get("trimesh")
+    if trimesh and isinstance(mesh, trimesh.Scene):
         return _joined_scene(mesh, name)
-    if not isinstance(mesh, trimesh.Trimesh):
+    if not (trimesh and isinstance(mesh, trimesh.Trimesh)):
         raise MeshError(
             f"mesh: it is of type {type(mesh).__name__}; "
             "give a texbake.Mesh, a trimesh.Trimesh or the path of a mesh file"
@@ -185,8 +186,7 @@ def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:
     >>> to_trimesh(cube()).volume
     np.float64(1.0)
     """
-    import trimesh
-
+    trimesh = require_library("trimesh", "to_trimesh")
     mesh = as_mesh(mesh)
     vertices, corners, faces = split_vertices(mesh)
     visual = None

@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from texbake.errors import require_library
 from texbake.files import PathLike
 from texbake.pages.page import asset, duration, number, page_html, render, write_page
 from texbake.pages.pictures import data_uri, picture_codes
@@ -48,7 +49,7 @@ def thumbnail(picture: FloatImage | PathLike) -> bytes:
     `picture`: a linear picture (H, W, 3 or 4) float32, or the path of a color image file. It is
     cropped to a centered square.
     """
-    from PIL import Image
+    Image = require_library("PIL.Image", "pictures of pages")
 
     if isinstance(picture, np.ndarray):
         codes = picture_codes(picture)

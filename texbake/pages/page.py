@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from texbake.core import portable_math as pm
+from texbake.errors import require_library
 from texbake.files import PathLike, replacing
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def render(template: str, *, folder: Path | None = None, **values: Any) -> Marku
 
 @lru_cache(maxsize=8)
 def _environment(folder: Path | None) -> Environment:
+    require_library("jinja2", "pages")
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
+from texbake.errors import require_library
 from texbake.files import PathLike, scratch_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.encoding import quantize_srgb, quantize_unsigned
@@ -34,7 +35,7 @@ def png_of(picture: npt.NDArray[np.float32]) -> bytes:
 
 def png_of_codes(codes: npt.NDArray[np.uint8], *, optimize: bool = False) -> bytes:
     """Return (H, W) or (H, W, C) codes as the bytes of a PNG file; `optimize` takes longer."""
-    from PIL import Image
+    Image = require_library("PIL.Image", "pictures of pages")
 
     file = io.BytesIO()
     Image.fromarray(codes).save(file, "PNG", optimize=optimize)
@@ -114,7 +115,7 @@ def file_pictures(files: Mapping[str, PathLike], *, codings: Mapping[str, str]) 
 
 def miss_picture(missed: npt.NDArray[np.bool_]) -> str:
     """Return a data URI of a picture that is red where rays missed and transparent elsewhere."""
-    from PIL import Image as PilImage
+    PilImage = require_library("PIL.Image", "pictures of pages")
 
     picture = PilImage.fromarray(missed.astype(np.uint8))
     picture.putpalette([0, 0, 0, 255, 30, 60])
@@ -145,7 +146,7 @@ def _codes(image: Image, coding: str) -> tuple[npt.NDArray[np.uint8], dict[str, 
 def _picture(
     name: str, png: bytes, room: int, coding: str, metadata: Mapping[str, Value], note: str
 ) -> MapPicture:
-    from PIL import Image as PilImage
+    PilImage = require_library("PIL.Image", "pictures of pages")
 
     with PilImage.open(io.BytesIO(png)) as picture:
         full_width, full_height = picture.size

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import require_library
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage
 
@@ -72,6 +73,7 @@ def sheets(
 
     They are cropped to the pixels that are seen.
     """
+    require_library("PIL", "text in pictures")
     from PIL import Image, ImageDraw
 
     rows, columns = _crop(seen)

@@ -7,13 +7,12 @@ import re
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import DependencyError
+from texbake.errors import require_library
 from texbake.pages.page import duration, number
 from texbake.study.labels import place_labels
 from texbake.study.result import KnobResult
@@ -69,11 +68,7 @@ class Plot:
 
 def check_matplotlib(extra: str = "study") -> None:
     """Raise `DependencyError` if plots cannot be drawn; `extra` is what installs matplotlib."""
-    if find_spec("matplotlib") is None:
-        raise DependencyError(
-            "matplotlib: it is not installed, and the plots need it; install it with: "
-            f'pip install "texbake[{extra}]"'
-        )
+    require_library("matplotlib", "plots", f'"texbake[{extra}]"')
 
 
 def knob_plot(result: KnobResult) -> Plot:

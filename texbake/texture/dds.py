@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import DependencyError, FileFormatError, OptionError, require_known
+from texbake.errors import FileFormatError, OptionError, require_known, require_library
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
 from texbake.texture.encoding import encode_normals, quantize_srgb, unit_normals
@@ -153,12 +153,7 @@ def _header(width: int, height: int, n_levels: int, form: BlockFormat, *, is_srg
 
 def _encoder(path: PathLike, block_format: str) -> Callable[[bytes, int, int], bytes]:
     """Return etcpak's encoder, a function of the bytes of (H, W, 4) codes, width and height."""
-    try:
-        import etcpak
-    except ImportError as error:
-        raise DependencyError(
-            f"{path}: DDS files need etcpak; pip install 'texbake[dds]', or write PNG files"
-        ) from error
+    etcpak = require_library("etcpak", path, '"texbake[dds]"')
     encode: Any = getattr(etcpak, f"compress_{block_format}")
     if block_format != "bc7":
         return lambda data, width, height: bytes(encode(data, width, height))

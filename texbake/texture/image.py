@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileError, FileFormatError, OptionError, quoted
+from texbake.errors import FileError, FileFormatError, OptionError, quoted, require_library
 from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, is_png, png_description, to_description
@@ -256,7 +256,7 @@ def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> npt.ND
 def _write_with_openimageio(
     stored: npt.NDArray[Any], path: PathLike, temporary: Path, color: bool, description: str
 ) -> None:
-    import OpenImageIO as oiio  # noqa: N813
+    oiio = require_library("OpenImageIO", path)
 
     kind = format_of(path)
     height, width, n_channels = stored.shape
@@ -275,7 +275,7 @@ def _write_with_openimageio(
 
 def write_with_spec(pixels: npt.NDArray[Any], spec: Any, temporary: Path, path: PathLike) -> None:
     """Write pixels to `temporary` with OpenImageIO; errors name `path`."""
-    import OpenImageIO as oiio  # noqa: N813
+    oiio = require_library("OpenImageIO", path)
 
     output = oiio.ImageOutput.create(str(temporary))
     written = (
@@ -291,7 +291,7 @@ def write_with_spec(pixels: npt.NDArray[Any], spec: Any, temporary: Path, path: 
 
 def _opened(path: PathLike) -> tuple[Any, str]:
     """Open an image file; return it with the description that a PNG file contains."""
-    import OpenImageIO as oiio  # noqa: N813
+    oiio = require_library("OpenImageIO", path)
 
     require_file(path)
     try:
@@ -317,7 +317,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
 
 def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
     """Return codes (uint8, uint16) or floats (float16, float32), and the image description."""
-    import OpenImageIO as oiio  # noqa: N813
+    oiio = require_library("OpenImageIO", path)
 
     source, description = _opened(path)
     spec = source.spec()

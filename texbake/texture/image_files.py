@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_array_file
-from texbake.errors import FileFormatError, OptionError, one_line, quoted
+from texbake.errors import FileFormatError, OptionError, one_line, quoted, require_library
 from texbake.files import PathLike, appearing_together, make_folder, replacing, require_file
 from texbake.metadata import (
     CONVENTION,
@@ -144,7 +144,7 @@ _CHANNELS = {1: "Y", 2: "YA", 3: "RGB", 4: "RGBA"}
 
 def write_layers(layers: Mapping[str, Image], path: PathLike) -> None:
     """Write images of one size as the layers of an EXR file."""
-    import OpenImageIO as oiio  # noqa: N813
+    oiio = require_library("OpenImageIO", path)
 
     if Path(path).suffix.lower() != ".exr":
         raise FileFormatError(f"{path}: only EXR files store layers; give a .exr file")
@@ -217,7 +217,7 @@ def encode_image(
     encoding = encoding_of(codes, encoding)
     if encoding == "png":
         return b"".join(png_parts(codes, srgb=is_color, threads=threads))
-    from PIL import Image
+    Image = require_library("PIL.Image", f"{encoding} images")
 
     buffer = io.BytesIO()
     options: dict[str, Any] = {"quality": quality, "subsampling": "4:4:4"}

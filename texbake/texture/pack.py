@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError, UvError, counted
+from texbake.errors import OptionError, UvError, counted, require_library
 from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.mesh import Mesh
 from texbake.texture.options import PackOptions
@@ -189,7 +189,7 @@ def resized(image: FloatImage, width: int, height: int) -> FloatImage:
     """Scale an image down with a triangle filter, which never rings."""
     if image.shape[:2] == (height, width):
         return image
-    import OpenImageIO as oiio  # noqa: N813
+    oiio = require_library("OpenImageIO", "resizing images")
 
     source = oiio.ImageBuf(np.ascontiguousarray(image))
     roi = oiio.ROI(0, width, 0, height, 0, 1, 0, image.shape[2])

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import DependencyError, MeshError, quoted
+from texbake.errors import MeshError, quoted, require_library
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
 
@@ -118,14 +118,7 @@ def decode_view(
 
 
 def _library() -> Any:
-    try:
-        import meshoptimizer
-    except ImportError as error:
-        raise DependencyError(
-            f"glTF: meshoptimizer does not load: {' '.join(str(error).split())}; "
-            "pip install texbake[meshoptimizer]"
-        ) from error
-    return meshoptimizer
+    return require_library("meshoptimizer", "glTF", '"texbake[meshoptimizer]"')
 
 
 _STEPS = 65535

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.child import LIMITS
-from texbake.errors import MeshError, quoted, warn_of
+from texbake.errors import MeshError, quoted, require_library, warn_of
 from texbake.mesh.compose import MeshPart
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO
@@ -263,7 +263,7 @@ def _primitive_source(
 
 def decode_draco(path: str) -> dict[int, DracoMesh | None]:
     """Answer for `Document.draco`."""
-    import DracoPy
+    DracoPy = require_library("DracoPy", path)
 
     document = read_document(path)
     LIMITS.allow(_PACKED * document.n_bytes)

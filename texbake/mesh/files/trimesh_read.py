@@ -20,7 +20,7 @@ from zipfile import ZipFile, is_zipfile
 import numpy as np
 
 from texbake.child import LIMITS
-from texbake.errors import FileFormatError, MeshError, counted, one_line, warn_of
+from texbake.errors import FileFormatError, MeshError, counted, one_line, require_library, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, warn_unused
 from texbake.mesh.files.reader_process import read_in_child
@@ -29,6 +29,8 @@ from texbake.mesh.interchange import from_trimesh
 from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.weld import unique_corners, unique_rows
 
+# Libraries of trimesh that it leaves to its users to install.
+_LIBRARIES = {".3mf": ("lxml", "networkx"), ".3dxml": ("lxml", "networkx"), ".xaml": ("lxml",)}
 _PACKED = 20  # times that the XML of an archive may be larger than the archive
 _NAN = re.compile(r"[-+]?\bnan\b", re.IGNORECASE)
 _NO_INDEX = re.compile(r"-|\d{11}")
@@ -47,7 +49,7 @@ def mesh_of_trimesh(path: PathLike) -> Mesh:
     if is_zipfile(path):
         LIMITS.allow(_PACKED * Path(path).stat().st_size)
     primitives: list[Any] = []
-    broken = _record_geometries(primitives) if suffix in (".dae", ".zae") else []
+    broken = _record_geometries(path, primitives) if suffix in (".dae", ".zae") else []
     scene = _load(path, suffix)
     if broken:
         n_broken = counted(len(broken), "damaged geometry", "damaged geometries")
@@ -62,8 +64,9 @@ def mesh_of_trimesh(path: PathLike) -> Mesh:
 
 def _load(path: PathLike, suffix: str) -> Any:
     """Return the scene of a file, whatever trimesh and its parsers raise as one error."""
-    import trimesh
-
+    trimesh = require_library("trimesh", path)
+    for library in _LIBRARIES.get(suffix, ()):
+        require_library(library, path)
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"), Path(path).open("rb") as file:
             warnings.simplefilter("ignore")
@@ -88,13 +91,12 @@ def _replace_unknown(path: PathLike, scene: Any) -> None:
             mesh._cache.cache["vertex_normals"] = finite_rows(path, normals, "normals")
 
 
-def _record_geometries(primitives: list[Any]) -> list[Exception]:
+def _record_geometries(path: PathLike, primitives: list[Any]) -> list[Exception]:
     """Make pycollada report what it reads and leaves out, and keep numbers that are not finite.
 
     Returns a list of what it leaves out, which is filled as it reads.
     """
-    import collada
-
+    collada = require_library("collada", path)
     broken: list[Exception] = []
     load = collada.Collada._loadGeometry
 

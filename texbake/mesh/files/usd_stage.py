@@ -14,19 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from texbake.child import LIMITS
-from texbake.errors import DependencyError, FileFormatError
+from texbake.errors import FileFormatError, require_library
 from texbake.files import PathLike, require_file
 from texbake.limits import file_beside, is_within
 
 
 def require_usd(path: PathLike) -> None:
     """Raise `DependencyError` where USD cannot be read or written."""
-    try:
-        import pxr.Usd  # noqa: F401
-    except ImportError as error:
-        raise DependencyError(
-            f"{path}: USD files need usd-core; pip install 'texbake[usd]', or use a .glb file"
-        ) from error
+    require_library("pxr.Usd", path, '"texbake[usd]"')
 
 
 def open_stage(path: PathLike) -> Any:

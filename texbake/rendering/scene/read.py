@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from texbake.errors import FileFormatError, quoted
+from texbake.errors import FileFormatError, quoted, require_library
 from texbake.files import PathLike, read_bytes, require_file, scratch_folder
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import Materials
@@ -50,6 +50,7 @@ def read_scene(path: PathLike, *, progress: Progress = None) -> Scene:
     require_file(path)
     # pydantic, which validates scene files, is slow to import.
     if suffix == ".toml":
+        require_library("pydantic", path)
         from texbake.rendering.scene.file.schema import parse_scene
 
         return parse_scene(path, read_bytes(path), progress=progress)

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from importlib.util import find_spec
 
 import numpy as np
 
-from texbake.errors import DependencyError, UnwrapError
+from texbake.errors import UnwrapError, require_library
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.parts import (
     ChartLimits,
@@ -99,10 +98,7 @@ def cut_charts(
     opposite = surface.opposite(solid)
     notes: tuple[str, ...] = ()
     if method == "xatlas":
-        if find_spec("xatlas") is None:
-            raise DependencyError(
-                "xatlas: it is not installed; install it with: pip install xatlas"
-            )
+        require_library("xatlas", "method")
         whole = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
         regions = np.zeros(mesh.n_faces, np.int32) if surface.regions is None else surface.regions
         batches = face_batches(points, corners, whole, part_faces=_XATLAS_FACES, regions=regions)
