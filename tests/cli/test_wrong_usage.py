@@ -249,6 +249,7 @@ FILES = {
     f"{BAKE} --front 0 --back 1e-9 --fail-on-miss 1": "%",
     f"{UNWRAP} --size 64 --texel-density 4000": "low.obj: ",
     f"{UNWRAP} --method projector --matrix words.txt": "words.txt",
+    f"{UNWRAP} --seams low.obj": "low.obj: it has no lines",
     "unwrap bare.obj -o u.obj --keep": "bare.obj: it has no texture coord",
     "unwrap bare.obj -o u.obj --method parametric": "bare.obj: it has no texture coord",
     "unwrap low.obj high.ply -o low.obj": "is a file",

@@ -240,6 +240,7 @@ MATRIX = "\n".join(
     " ".join(f"{1.0 / (3.0 + 4 * row + column):.40f}" for column in range(4)) + "  # a row"
     for row in range(4)
 )
+SEAMS = "v -0.5 -0.5 -0.5\nv 0.5 -0.5 -0.5\nv 0.5 0.5 0.5 1 1\nl 1 2\nl -3 2/1 3\n"
 PROFILE = "# radius height\n" + "\n".join(
     f"{1.5 + np.sin(i / 9.0):.6f}, {i / 50.0:.5e}" for i in range(150)
 )
@@ -289,6 +290,15 @@ def _read_hits(path: Path) -> Any:
 
 
 _read_matrix = _by("texbake.mapping.classical.projector", "read_matrix")
+
+
+def _read_seams(path: Path) -> Any:
+    from texbake.mapping.marked_seams import read_seams
+    from texbake.mesh.shapes import cube
+
+    return read_seams(path, cube())
+
+
 _SURFACES = "texbake.mesh.parametric"
 FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "obj": (".obj", _mesh_seed, _read_mesh),
@@ -321,6 +331,7 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "hdr": (".hdr", _image_seed(3, 32), _read_image),
     "jpeg": (".jpg", _image_seed(3, 8), _read_image),
     "scene": (".toml", _text_seed(SCENE), _read_scene),
+    "seams": (".obj", _text_seed(SEAMS), _read_seams),
     "matrix": (".txt", _text_seed(MATRIX), _read_matrix),
     "profile": (".txt", _text_seed(PROFILE), _by(f"{_SURFACES}.revolution", "profile_of")),
     "patches": (".txt", _text_seed(PATCHES), _by(f"{_SURFACES}.bezier", "patches_of")),

@@ -19,6 +19,10 @@ static const double MOST_OVERLAP = 0.01;
 /* The least gain that ends the flattening, as in flatten.py. */
 static const double ACCURACY = 1e-3;
 
+/* A part between marked seams is not divided for its stretch, and is laid out with more patience. */
+enum { MARKED_EFFORT = 300 };
+static const double MARKED_ACCURACY = 1e-4;
+
 /* Length of the mean of the normals, by area, of a part that counts as flat: they deviate by less
    than a tenth of a degree. */
 static const double FLAT = 1.0 - 1e-6;
@@ -178,9 +182,16 @@ void lay_out_from(
     part->is_laid = false;
     if (make_patch(arena, part->n_vertices, part->n_faces, faces, &patch)) {
         const bool is_flat = project(part, places, normal);
-        const struct limits limits = {is_flat ? 0 : n_steps, ACCURACY, false};
+        const bool is_marked = isinf(cutting->limits.most_l2);
+        struct limits limits = {is_flat ? 0 : n_steps, ACCURACY, false};
+        if (is_marked && !is_flat)
+            limits = (struct limits){MARKED_EFFORT, MARKED_ACCURACY, false};
         part->is_laid = flatten(
             arena, &patch, places, is_flat || has_start, limits, part->uvs, &flat);
+        if (is_marked && part->is_laid && !is_flat && !flat.is_injective) {
+            limits.keep_apart = true; /* from a circle, which no triangle leaves */
+            part->is_laid = flatten(arena, &patch, places, has_start, limits, part->uvs, &flat);
+        }
     }
     if (part->is_laid) {
         part->l2 = flat.l2;

@@ -25,6 +25,7 @@ from texbake.mapping.corner_uvs import (
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.options.projection import TransformOptions
+from texbake.mapping.seams import BoolArray
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
@@ -39,6 +40,7 @@ def unwrap(
     mesh: MeshLike,
     options: UnwrapOptions | None = None,
     *,
+    seams: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
@@ -51,6 +53,9 @@ def unwrap(
         Existing coordinates are replaced, unless the method or an option uses them.
     options : UnwrapOptions, optional
         None for `UnwrapOptions()`: an atlas in which no two faces overlap.
+    seams : (E, 2) int, optional
+        Pairs of vertices: charts of an atlas are cut along these edges, and elsewhere only if a
+        piece cannot be laid flat otherwise. None leaves the choice to texbake.
     threads
         None for every processor; the result does not depend on it.
     progress
@@ -71,42 +76,49 @@ def unwrap(
     UvError
         The method or an option needs existing coordinates, and there are none.
     OptionError
-        An option has an invalid value, or names a group that does not exist.
+        An option has an invalid value, or names a group that does not exist; a pair of `seams` is
+        no edge of the mesh.
     """
     mesh = as_mesh(mesh)
     options = replace(options or UnwrapOptions(), **changes)
-    return _unwrapped([mesh], options, Stages(progress), threads)[0][0]
+    return _unwrapped([mesh], options, [seams], Stages(progress), threads)[0][0]
 
 
 def unwrap_with_report(
     mesh: MeshLike,
     options: UnwrapOptions | None = None,
     *,
+    seams: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
 ) -> tuple[Mesh, UnwrapReport]:
     """Give a mesh texture coordinates, as `unwrap` does, and measure them."""
-    mesh = as_mesh(mesh)
-    return unwrap_together([mesh], options, threads=threads, progress=progress, **changes)[0]
+    return unwrap_together(
+        [as_mesh(mesh)], options, seams=[seams], threads=threads, progress=progress, **changes
+    )[0]
 
 
 def unwrap_together(
     meshes: Sequence[MeshLike],
     options: UnwrapOptions | None = None,
     *,
+    seams: Sequence[npt.ArrayLike | None] | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
 ) -> list[tuple[Mesh, UnwrapReport]]:
     """Give several meshes texture coordinates in one shared texture, at one texel density.
 
+    `seams`: for each mesh, the edges that `unwrap` takes as `seams`.
+
     Returns the meshes and their reports in the order of `meshes`. The stages cover all meshes
     together; the figures are those of each mesh alone.
     """
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
-    results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, stages, threads)
+    seams = [None] * len(meshes) if seams is None else seams
+    results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, seams, stages, threads)
     with stages.stage("measure"):
         measured = [
             _measured(mesh.on_uv_set(options.uv_set), options, threads) for mesh, _ in results
@@ -137,7 +149,11 @@ def _measured(mesh: Mesh, options: UnwrapOptions, threads: int | None) -> Distor
 
 
 def _unwrapped(
-    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+    meshes: Sequence[Mesh],
+    options: UnwrapOptions,
+    seams: Sequence[npt.ArrayLike | None],
+    stages: Stages,
+    threads: int | None,
 ) -> list[tuple[Mesh, Projected]]:
     """Choose the faces to map, map them, and store their coordinates in the meshes."""
     if len(meshes) == 0:
@@ -159,7 +175,13 @@ def _unwrapped(
         chosen = [faces_of_group(mesh, options.only) for mesh in meshes]
         parts = [selected(mesh, faces) for mesh, faces in zip(meshes, chosen, strict=True)]
     if options.method == "atlas":
-        mapped = _mapped_by_atlas(parts, options, stages, threads)
+        cuts = [
+            _cuts(mesh, edges, faces, keep=options.keep_seams)
+            for mesh, edges, faces in zip(meshes, seams, chosen, strict=True)
+        ]
+        mapped = _mapped_by_atlas(parts, options, cuts, stages, threads)
+    elif any(edges is not None for edges in seams):
+        raise OptionError(f"seams: the method {options.method} has none; use atlas")
     elif len(meshes) > 1:
         raise OptionError(
             f"method: {options.method} maps one mesh at a time; for several meshes use atlas"
@@ -195,14 +217,29 @@ def _unwrapped(
     return results
 
 
+def _cuts(
+    mesh: Mesh, edges: npt.ArrayLike | None, faces: BoolArray, *, keep: bool
+) -> BoolArray | None:
+    """Edges of the chosen faces along which charts are cut, (n, 3) bool; None to choose them."""
+    if edges is None and not keep:
+        return None
+    from texbake.mapping.marked_seams import marked_edges
+
+    return marked_edges(mesh, edges, keep=keep)[faces]
+
+
 def _mapped_by_atlas(
-    parts: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+    parts: Sequence[Mesh],
+    options: UnwrapOptions,
+    cuts: Sequence[BoolArray | None],
+    stages: Stages,
+    threads: int | None,
 ) -> list[Projected]:
     """Map by one atlas, whose texel density is that of the packing."""
     from texbake.mapping.atlas.atlas import make_atlas
 
     mapped = []
-    for atlas in make_atlas(parts, options, stages, threads=threads):
+    for atlas in make_atlas(parts, options, stages, seams=cuts, threads=threads):
         charts = atlas.charts
         mapped.append(
             Projected(

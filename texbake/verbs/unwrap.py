@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 SECTIONS = {
     "Method": ("method", "size", "only", "uv_set"),
     "Atlas": (
-        *("padding", "quality", "max_stretch", "seams_at_hard_edges", "seam_angle", "tiles"),
-        *("by_group", "keep", "charts", "timeout"),
+        *("padding", "quality", "max_stretch", "seams", "keep_seams", "seams_at_hard_edges"),
+        *("seam_angle", "tiles", "by_group", "keep", "charts", "timeout"),
     ),
     "Classical mappings": (
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),
@@ -48,7 +48,7 @@ SECTIONS = {
     "Afterwards, in this order": ("warp", "flip", "rotate", "scale", "texel_density", "offset"),
 }
 _NAMES = tuple(name for names in SECTIONS.values() for name in names)
-_MATRIX = _NAMES.index("matrix")
+_SEAMS, _MATRIX = _NAMES.index("seams"), _NAMES.index("matrix")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +91,13 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
         over="meshes",
         like="meshes",
     ),
-    Options(UnwrapOptions, *_NAMES[:_MATRIX]),
+    Options(UnwrapOptions, *_NAMES[:_SEAMS]),
+    Reads(
+        "seams", "seams",
+        "Cut charts along the lines of this OBJ file, and nowhere else; their points are vertices.",
+        required=False, role=None, suffixes=(".obj",), metavar="FILE",
+    ),
+    Options(UnwrapOptions, *_NAMES[_SEAMS + 1 : _MATRIX]),
     Reads(
         "matrix", "matrix", option_of(UnwrapOptions, "matrix").help, required=False, role=None,
         suffixes=(".txt",), metavar="FILE",
@@ -119,6 +125,7 @@ def unwrap_files(
     output: PathLike,
     options: UnwrapOptions | None = None,
     *,
+    seams: PathLike | None = None,
     layout: PathLike | None = None,
     heat: bool = False,
     checker: PathLike | None = None,
@@ -132,6 +139,7 @@ def unwrap_files(
     In an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
     """
+    from texbake.mapping.marked_seams import read_seams
     from texbake.mapping.unwrap import unwrap_together
     from texbake.mesh.files import read_mesh
 
@@ -147,7 +155,8 @@ def unwrap_files(
     if options.uv_set is not None:
         check_uv_set(outputs)
     read = [read_mesh(path, progress=progress) for path in sources]
-    results = unwrap_together(read, options, threads=threads, progress=progress)
+    marked = None if seams is None else [read_seams(seams, mesh) for mesh in read]
+    results = unwrap_together(read, options, seams=marked, threads=threads, progress=progress)
     if len(sources) > 1:
         make_folder(output)
     is_further = options.uv_set is not None

@@ -19,12 +19,13 @@ from texbake.mapping.atlas.charts import (
     single_face_charts,
 )
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
+from texbake.mapping.atlas.cutting.marked import marked_charts
 from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions, fitting_padding
-from texbake.mapping.seams import regions_between
+from texbake.mapping.seams import BoolArray, regions_between
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped
@@ -59,27 +60,42 @@ class Atlas:
 
 
 def make_atlas(
-    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, *, threads: int | None = None
+    meshes: Sequence[Mesh],
+    options: UnwrapOptions,
+    stages: Stages,
+    *,
+    seams: Sequence[BoolArray | None],
+    threads: int | None = None,
 ) -> list[Atlas]:
-    """Make the charts of meshes and pack them all into one texture or its tiles."""
-    atlases, packing = _packed_charts(meshes, options, stages, threads)
-    if options.quality == "best" and not options.keep:
+    """Make the charts of meshes and pack them all into one texture or its tiles.
+
+    `seams`: for each mesh, (F, 3) bool: edges at which charts are cut; None to choose them.
+    """
+    atlases, packing = _packed_charts(meshes, options, stages, seams, threads)
+    if options.quality == "best" and not options.keep and any(each is None for each in seams):
         # On meshes of few faces, allowing more stretch may lead to nothing.
         good = replace(options, quality="good")
-        others, denser = _packed_charts(meshes, good, stages, threads)
+        others, denser = _packed_charts(meshes, good, stages, seams, threads)
         if denser.fill > packing.fill and len(denser.tiles) <= len(packing.tiles):
             return others
     return atlases
 
 
 def _packed_charts(
-    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+    meshes: Sequence[Mesh],
+    options: UnwrapOptions,
+    stages: Stages,
+    seams: Sequence[BoolArray | None],
+    threads: int | None,
 ) -> tuple[list[Atlas], Packing]:
     """Make the charts of meshes and pack them."""
     name = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
     if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
-    all_charts = [_make_charts(mesh, options, stages, threads) for mesh in meshes]
+    all_charts = [
+        _make_charts(mesh, options, stages, marked, threads)
+        for mesh, marked in zip(meshes, seams, strict=True)
+    ]
     sides = [float((mesh.bounds[1] - mesh.bounds[0]).max()) for mesh in meshes]
     unit = max(sides) or 1.0
     all_charts = [
@@ -113,7 +129,13 @@ def _packed_charts(
     return atlases, packing
 
 
-def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: int | None) -> Charts:
+def _make_charts(
+    mesh: Mesh,
+    options: UnwrapOptions,
+    stages: Stages,
+    seams: BoolArray | None,
+    threads: int | None,
+) -> Charts:
     """Make the charts of one mesh, in units of the longest side of its bounding box."""
     regions = mesh.face_groups if options.by_group else face_objects(mesh)
     if options.keep:
@@ -122,7 +144,7 @@ def _make_charts(mesh: Mesh, options: UnwrapOptions, stages: Stages, threads: in
     regions, n_within = regions_between(
         mesh, hard_edges=hard_edges, angle=options.seam_angle, regions=regions
     )
-    surface = surface_of(mesh, regions, threads)
+    surface = surface_of(mesh, regions, threads, seams=seams)
     isolated, others = find_isolated_faces(surface)
     if not len(isolated):
         charts = _connected_charts(mesh, surface, options, stages)
@@ -149,6 +171,10 @@ def _connected_charts(
     mesh: Mesh, surface: ChartSurface, options: UnwrapOptions, stages: Stages
 ) -> Charts:
     """Cut, relax and join the charts of a mesh, in units of its points."""
+    if surface.seams is not None:
+        with stages.stage("flatten between seams"):
+            charts = marked_charts(mesh, surface, options)
+        return _bounded(surface, charts, options, stages)
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
             mesh,
@@ -160,10 +186,17 @@ def _connected_charts(
         )
     if options.quality != "fast":
         charts = _improved(mesh, surface, charts, options, stages)
-    if options.max_stretch is not None:
-        with stages.stage("bound stretch"):
-            charts = bound_charts(surface, charts, max_stretch=options.max_stretch)
-    return charts
+    return _bounded(surface, charts, options, stages)
+
+
+def _bounded(
+    surface: ChartSurface, charts: Charts, options: UnwrapOptions, stages: Stages
+) -> Charts:
+    """Cut charts where the options bound their stretch."""
+    if options.max_stretch is None:
+        return charts
+    with stages.stage("bound stretch"):
+        return bound_charts(surface, charts, max_stretch=options.max_stretch)
 
 
 def _improved(

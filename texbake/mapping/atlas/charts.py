@@ -12,7 +12,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
-from texbake.mapping.seams import chart_ids
+from texbake.mapping.seams import BoolArray, chart_ids
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
@@ -28,21 +28,26 @@ class ChartSurface:
     faces: IntArray  # (F, 3) int32
     polygons: IntArray | None = None  # (F,) int32; triangles of one stay together if they can
     regions: IntArray | None = None  # (F,) int32; faces of different ones share no chart
+    seams: BoolArray | None = None  # (F, 3); edges at which charts are cut, and nowhere else
     threads: int | None = None
 
     def opposite(self, solid: npt.NDArray[np.bool_]) -> IntArray:
         """(3 F,) int32: `opposite_half_edges` of the `solid` faces."""
         corners = weld_rows(self.points, threads=self.threads)[self.faces]
-        return opposite_half_edges(
+        opposite = opposite_half_edges(
             corners, solid=solid, regions=self.regions, polygons=self.polygons
         )
+        return opposite if self.seams is None else np.where(self.seams.ravel(), -1, opposite)
 
     def part(self, face_ids: IntArray) -> ChartSurface:
         """Surface of some faces (n,)."""
         polygons, regions = (
             None if labels is None else labels[face_ids] for labels in (self.polygons, self.regions)
         )
-        return replace(self, faces=self.faces[face_ids], polygons=polygons, regions=regions)
+        seams = None if self.seams is None else self.seams[face_ids]
+        return replace(
+            self, faces=self.faces[face_ids], polygons=polygons, regions=regions, seams=seams
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -67,6 +67,11 @@ class AtlasOptions(TextureOptions):
         above=1,
         default="no limit",
     )
+    keep_seams: bool = option(
+        False,
+        "Cut charts along the seams of the coordinates that the mesh has, and nowhere else; "
+        "flatten and pack them again.",
+    )
     seams_at_hard_edges: bool = option(
         False, "Cut charts at hard edges, where the normals of the mesh jump."
     )
@@ -124,8 +129,8 @@ class Method:
 
 METHODS = {
     "atlas": Method((
-        "padding", "quality", "max_stretch", "seams_at_hard_edges", "seam_angle", "charts",
-        "timeout", "tiles", "by_group", "keep",
+        "padding", "quality", "max_stretch", "keep_seams", "seams_at_hard_edges", "seam_angle",
+        "charts", "timeout", "tiles", "by_group", "keep",
     )),
     "planar": Method(("axis", "normal", "fit", "sides"), "planar.planar"),
     "cylindrical": Method(("axis", "center", "theta", "height", "caps"), "cylindrical.cylindrical"),
@@ -207,10 +212,11 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             raise OptionError(
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
-        for name in "max_stretch", "seams_at_hard_edges", "seam_angle", "charts", "timeout":
-            if self.keep:
-                why = "charts that are kept are not cut; leave it out, or `keep`"
-                self._require_default(name, why)
+        cuts = "keep_seams", "seams_at_hard_edges", "seam_angle", "charts", "timeout"
+        for name in ("max_stretch", *cuts) if self.keep else ():
+            self._require_default(name, "charts that are kept are not cut; leave it out, or `keep`")
+        if self.keep_seams and self.charts == "xatlas":
+            raise OptionError("keep_seams: xatlas cuts charts where it likes; use charts texbake")
 
     def _require_default(self, name: str, why: str) -> None:
         if getattr(self, name) != getattr(UnwrapOptions, name):

@@ -27,6 +27,7 @@ from texbake.mapping.atlas.cutting.parts import (
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
 from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.seams import BoolArray
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
@@ -62,9 +63,18 @@ _QUALITIES = {
     "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06, most_share=0.25),
 }
 
+# Whoever marks seams wants no others, except where a chart cannot be flattened without them.
+_AS_MARKED = _Quality(
+    part_faces=1 << 30, whole_faces=1 << 30, most_l2=math.inf, most_share=math.inf
+)
+
 
 def surface_of(
-    mesh: Mesh, regions: IntArray | None = None, threads: int | None = None
+    mesh: Mesh,
+    regions: IntArray | None = None,
+    threads: int | None = None,
+    *,
+    seams: BoolArray | None = None,
 ) -> ChartSurface:
     """Surface of a mesh, its points snapped to the grid."""
     return ChartSurface(
@@ -72,6 +82,7 @@ def surface_of(
         faces=mesh.faces,
         polygons=mesh.polygon_of,
         regions=regions,
+        seams=seams,
         threads=threads,
     )
 
@@ -106,7 +117,7 @@ def cut_charts(
             points, mesh.faces, batches, timeout=timeout, threads=threads, advance=advance
         )
     else:
-        sizes = _QUALITIES[quality]
+        sizes = _QUALITIES[quality] if surface.seams is None else _AS_MARKED
         labels = _labels(points, corners, opposite, mesh.polygon_of, sizes)
         area = float(surface_areas(points[corners[solid]]).sum())
         pieces, left = disk_charts(
@@ -116,7 +127,7 @@ def cut_charts(
             split_parts(opposite, np.where(solid, labels, -1)),
             limits=ChartLimits(
                 l2=sizes.most_l2,
-                length=_MOST_SIDES * math.sqrt(area),
+                length=math.inf if surface.seams is not None else _MOST_SIDES * math.sqrt(area),
                 area=sizes.most_share * area,
                 total_area=area,
             ),

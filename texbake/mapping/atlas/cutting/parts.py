@@ -9,6 +9,7 @@ Kernels: `core/face_parts.c` and `core/chart_cutting.c`, which name the methods.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -17,7 +18,7 @@ import numpy as np
 
 from texbake.core import core
 from texbake.mapping.atlas.charts import Charts
-from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH, repair_charts
+from texbake.mapping.atlas.cutting.repair import MOST_STRETCH, OVERLAP_DEPTH, repair_charts
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -179,6 +180,9 @@ def faces_done(
     return report
 
 
+# Most stretch of a face where the charts are those between marked seams.
+MOST_MARKED = 1e3
+
 # Faces of parts that are repaired together: enough for the fixed cost not to count.
 _BATCH_FACES = 50_000
 
@@ -233,6 +237,7 @@ def disk_charts(
                 np.concatenate([each.uvs for each in batch]),
                 offset_joined([(each.chart_ids, each.n_charts) for each in batch]),
                 even=False,
+                most_stretch=MOST_STRETCH if math.isfinite(limits.l2) else MOST_MARKED,
             )
 
     run_bands(repair, len(batches), band=1, threads=threads)

@@ -32,7 +32,7 @@ _TINY = np.finfo(np.float64).tiny
 _NONE = np.empty(0, dtype=np.intp)
 
 # Most L2 stretch of a face: one that is squashed or sheared more, or mirrored, has lost its shape.
-_MOST_STRETCH = 10.0
+MOST_STRETCH = 10.0
 
 # Faces narrower than this in space lose their shape by snapping to the grid, which moves each
 # corner by up to half a cell in each direction. They are taken out if their stretch is more than
@@ -51,13 +51,15 @@ def repair_charts(
     chart_ids: npt.NDArray[np.integer[Any]],
     *,
     even: bool = True,
+    most_stretch: float = MOST_STRETCH,
 ) -> Charts | None:
     """Repair charts so that none is mirrored or overlaps itself.
 
     `corners` (F, 3, 3) float64: positions on the grid, in the unit cube; `faces` (F, 3) int:
     indices into `uvs`; `uvs` (T, 2) float; `chart_ids` (T,) int: `NO_CHART` for coordinates without
     a chart; `even`: give each chart the linear map that evens out its stretch, and the area of its
-    faces in space. Returns None if no face has an area.
+    faces in space; `most_stretch`: faces that are stretched more become charts of their own.
+    Returns None if no face has an area.
     """
     solid = np.flatnonzero((chart_ids[faces] != NO_CHART).all(axis=1)) if len(uvs) else _NONE
     if len(solid) == 0:
@@ -70,7 +72,7 @@ def repair_charts(
 
     widths = _widths(corners)
     squares = _squared_stretch(corners, laid[flat])
-    lost = squares > _MOST_STRETCH**2
+    lost = squares > most_stretch**2
     keep = (widths >= _SLIVER_WIDTH) | (squares <= _MOST_SLIVER_STRETCH**2)
     if not keep.any():
         return None

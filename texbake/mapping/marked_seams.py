@@ -1,0 +1,190 @@
+"""Seams that a person marked: pairs of vertices, lines in a file, or those of the mesh's own UVs.
+
+Seams are compared by where they lie, so that vertices that a file repeats make no difference.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.errors import FileFormatError, OptionError
+from texbake.files import PathLike
+from texbake.mapping.seams import BoolArray, seam_edges
+from texbake.mesh.files.source import TextLine, parse_row, read_lines
+from texbake.mesh.frame import UnitGrid
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.topology import edge_keys
+from texbake.mesh.weld import weld_rows
+
+# Cells along the longest side of the mesh; a point of a file is a vertex in the same cell.
+_CELLS = 2.0**20
+
+
+def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False) -> BoolArray:
+    """Edges of faces along which charts are cut.
+
+    `edges` (E, 2) int: pairs of vertices; `keep`: also the seams of the coordinates of the mesh.
+    Returns (F, 3) bool: True for each edge, from a corner to the next, that is a seam.
+    """
+    marked = seam_edges(mesh) if keep else np.zeros((mesh.n_faces, 3), dtype=bool)
+    if edges is None:
+        return marked
+    pairs = _checked(edges, mesh)
+    places = weld_rows(mesh.positions)
+    corners = places[mesh.faces]
+    keys = edge_keys(corners, np.roll(corners, -1, axis=1))
+    wanted = edge_keys(*places[pairs].T)
+    missing = np.flatnonzero(~np.isin(wanted, keys))
+    if len(missing):
+        one, other = pairs[missing[0]]
+        raise OptionError(f"seams: {mesh.name} has no edge between its vertices {one} and {other}")
+    return marked | np.isin(keys, wanted)
+
+
+def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
+    pairs = np.asarray(edges)
+    if pairs.size == 0:
+        return np.empty((0, 2), np.int64)
+    if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):
+        raise OptionError(
+            f"seams: an array of {pairs.dtype} of shape {pairs.shape}; pass pairs of vertices, "
+            "(E, 2) int"
+        )
+    if pairs.min() < 0 or pairs.max() >= mesh.n_vertices:
+        raise OptionError(
+            f"seams: a vertex is {pairs.min() if pairs.min() < 0 else pairs.max()}; the vertices "
+            f"of {mesh.name} are 0 to {mesh.n_vertices - 1}"
+        )
+    return pairs.astype(np.int64)
+
+
+def read_seams(path: PathLike, mesh: Mesh) -> npt.NDArray[np.int64]:
+    """Read seams of a mesh: the lines (`l`) of an OBJ file, whose points are vertices of the mesh.
+
+    Points of a line that share no edge are joined by the shortest way along edges of polygons.
+    Returns (E, 2) int64: pairs of vertices.
+    """
+    points, lines = _read_lines(path)
+    vertices = _vertices_at(path, points, mesh)
+    places = weld_rows(mesh.positions)
+    graph: _EdgeGraph | None = None
+    corners = places[mesh.faces]
+    edges = set(edge_keys(corners, np.roll(corners, -1, axis=1)).ravel().tolist())
+    found = []
+    for number, ends in lines:
+        way = places[vertices[ends]].tolist()
+        for start, end in pairwise(way):
+            if start == end:
+                continue
+            if int(edge_keys(np.array(start), np.array(end))) in edges:
+                found.append((start, end))
+                continue
+            graph = graph or _EdgeGraph(mesh, places)
+            steps = graph.shortest_way(start, end)
+            if steps is None:
+                raise FileFormatError(
+                    f"{path}: line {number}: no edges of {mesh.name} join two of its points"
+                )
+            found += steps
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def _read_lines(path: PathLike) -> tuple[FloatArray, list[tuple[int, IntArray]]]:
+    """Points of an OBJ file, and the points of each of its lines with its number in the file."""
+    points: list[list[float]] = []
+    lines = []
+    for line in read_lines(path, "an OBJ file with lines"):
+        kind, *words = line.words
+        if kind == "v":
+            points.append(parse_row(path, TextLine(line.number, words[:3]), 3, "a vertex"))
+        elif kind == "l":
+            rows = parse_row(
+                path,
+                TextLine(line.number, [word.partition("/")[0] for word in words]),
+                len(words),
+                "a line",
+            )
+            ends = np.clip(rows, -(2**31), 2**31 - 1).astype(np.int64)
+            ends = np.where(ends < 0, len(points) + ends, ends - 1)
+            if len(ends) < 2 or ends.min() < 0 or ends.max() >= len(points):
+                raise FileFormatError(
+                    f"{path}: line {line.number}: a line needs two or more of the vertices above it"
+                )
+            lines.append((line.number, ends.astype(np.int32)))
+    if not lines:
+        raise FileFormatError(
+            f"{path}: it has no lines (`l`); write the edges of the seams as lines of an OBJ file"
+        )
+    return np.array(points), lines
+
+
+def _vertices_at(path: PathLike, points: FloatArray, mesh: Mesh) -> npt.NDArray[np.int64]:
+    """(n,) int64: the vertex of the mesh at each point."""
+    grid = UnitGrid.around(mesh)
+    of_mesh, cells = (grid.to_grid(rows, _CELLS) for rows in (mesh.positions, points))
+    firsts = weld_rows(np.concatenate([of_mesh, cells]))[len(of_mesh) :]
+    for i in np.flatnonzero(firsts >= len(of_mesh)):  # on the other side of a border of cells
+        distances = pm.norm(of_mesh - cells[i], axis=1)
+        nearest = int(distances.argmin())
+        if distances[nearest] > 2.0 / _CELLS:
+            x, y, z = points[i]
+            raise FileFormatError(
+                f"{path}: no vertex of {mesh.name} lies at its point ({x:g}, {y:g}, {z:g}); "
+                "take the points of seams from the mesh"
+            )
+        firsts[i] = nearest
+    return firsts.astype(np.int64)
+
+
+class _EdgeGraph:
+    """The edges of the polygons of a mesh, as a graph of its vertices."""
+
+    def __init__(self, mesh: Mesh, places: IntArray) -> None:
+        corners = places[mesh.faces]
+        tails, heads = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+        if mesh.polygon_of is not None:
+            # A diagonal has both its faces in one polygon.
+            keys = edge_keys(tails, heads)
+            owners = np.repeat(mesh.polygon_of, 3)
+            _, first, counts = np.unique(
+                np.stack([keys, owners]), axis=1, return_index=True, return_counts=True
+            )
+            once = first[counts == 1]
+            tails, heads = tails[once], heads[once]
+        starts, ends = np.concatenate([[tails, heads], [heads, tails]], axis=1)
+        order = np.argsort(starts, kind="stable")
+        self._ends = ends[order]
+        self._lengths = pm.norm(mesh.positions[ends] - mesh.positions[starts], axis=1)[order]
+        self._rows = np.searchsorted(starts[order], np.arange(mesh.n_vertices + 1))
+
+    def shortest_way(self, start: int, end: int) -> list[tuple[int, int]] | None:
+        """Edges of the shortest way between two vertices; None if there is none (Dijkstra 1959)."""
+        before = {start: start}
+        lengths = {start: 0.0}
+        queue = [(0.0, start)]
+        while queue:
+            length, vertex = heapq.heappop(queue)
+            if vertex == end:
+                return list(_steps(before, end))
+            if length > lengths[vertex]:
+                continue
+            row = slice(self._rows[vertex], self._rows[vertex + 1])
+            for other, step in zip(
+                self._ends[row].tolist(), self._lengths[row].tolist(), strict=True
+            ):
+                if length + step < lengths.get(other, np.inf):
+                    lengths[other], before[other] = length + step, vertex
+                    heapq.heappush(queue, (length + step, other))
+        return None
+
+
+def _steps(before: dict[int, int], end: int) -> Iterator[tuple[int, int]]:
+    while before[end] != end:
+        yield before[end], end
+        end = before[end]
