@@ -22,7 +22,7 @@ from texbake.mesh.files import (
 )
 from texbake.schema import OptionField, option_fields
 
-from .types import NameAndStrength, Names, Numbers, Size
+from .types import NameAndStrength, Names, Numbers, Size, WholeNumbers
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 Decorator = Callable[[Command], Command]
@@ -124,8 +124,8 @@ def _type(field: OptionField) -> Any:
         if field.option.many:
             return click.Choice(words) if words else str
         return Names(words)
-    if field.option.many and tuple[int, ...] in tuples:
-        return int
+    if tuple[int, ...] in tuples:
+        return int if field.option.many else WholeNumbers()
     if tuple[str, float] in tuples:
         return NameAndStrength(words)
     if tuples and all(set(get_args(kind)) & {float, int} for kind in tuples):

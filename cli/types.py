@@ -67,6 +67,23 @@ class Numbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes non
         return numbers[0] if len(numbers) == 1 else numbers
 
 
+class WholeNumbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
+    """Whole numbers separated by commas."""
+
+    name = "numbers"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, ...]:
+        """Split; the option class checks the range."""
+        if not isinstance(value, str):
+            return tuple(value)  # a default
+        numbers = [whole_number(part) for part in value.split(",")]
+        if None in numbers:
+            self.fail(f"{value!r} is not whole numbers such as 250,60", param, ctx)
+        return tuple(number for number in numbers if number is not None)
+
+
 class ViewParam(Numbers):
     """`az,el` or `az,el,dist`, in degrees and model units, or `turntable:N`, an int."""
 

@@ -164,7 +164,7 @@ def pipeline_page() -> str:
 
 
 # Settings without which a kind of step has no outputs.
-_TOLD = {"simplify": {"faces": 500}}
+_TOLD = {"run": {"faces": 500}, "simplify": {"faces": 500}}
 
 
 def _outputs(kind: Any) -> list[str]:

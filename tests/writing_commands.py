@@ -45,7 +45,7 @@ LINES = {
     "cage": ("cage high.ply low.obj -o cage.obj",),
     "check": ("check low.obj --size 64 --report r.json --layout l.png",),
     "compare": ("compare high.ply low.obj --size 48 --report r.json -o c.png",),
-    "convert": ("unwrap low.obj -o two.glb --set 1 --size 64", "convert two.glb two.obj"),
+    "convert": ("unwrap low.obj -o two.glb --uv-set 1 --size 64", "convert two.glb two.obj"),
     "convert usd": ("convert low.obj low.usda", "convert low.usda read.obj"),
     "cubemap": ("cubemap sky.png -o faces --size 8",),
     "demo": ("demo --triangles 2000 --faces 60 --size 64 -o orange",),

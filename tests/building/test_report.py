@@ -107,3 +107,12 @@ def test_files_without_an_output_are_not_linked(write, run, tmp_path):
     write_overview(tmp_path / "a.html", result)
     (row,) = Table(tmp_path / "a.html").rows
     assert row["links"] == [] and row["pictures"] == 0 and row["status"] == "built"
+
+
+def test_without_a_picture_a_map_stands_for_the_asset(write, run, tmp_path):
+    steps = STEPS[: STEPS.index("[steps.look]")]
+    for pattern, n in (("", 0), ('output = "{asset}/{output}.{ext}"\n', 1)):
+        result, _ = run(write('[[assets]]\nname = "ball"\n', steps + pattern))
+        write_overview(tmp_path / "a.html", result)
+        (row,) = Table(tmp_path / "a.html").rows
+        assert row["pictures"] == n

@@ -2,9 +2,12 @@
 
 from dataclasses import replace
 
+import click
 import numpy as np
 import pytest
+from texbake_cli.main import COMMANDS, texbake
 
+from texbake import RunOptions, run
 from texbake.baking.memory import PROCESS
 from texbake.building.steps import STEP_KINDS
 from texbake.errors import MeshError, OptionError, UvError
@@ -16,7 +19,7 @@ from texbake.texture.image import read_image, write_image
 from texbake.verbs.step import InputSize, Job, without_timings
 
 # Options of steps that have no default.
-NEEDED = {"simplify": {"faces": 1000}, "export": {"to": "blender"}}
+NEEDED = {"run": {"faces": 1000}, "simplify": {"faces": 1000}, "export": {"to": "blender"}}
 
 
 @pytest.fixture
@@ -93,6 +96,20 @@ def test_objects_of_levels_stay_apart_unless_they_are_joined(do, tmp_path, join,
     write_mesh(join_meshes([icosphere(3).replace(name=name) for name in ("one", "two")]), high)
     files, _ = do("simplify", {"faces": 200, "join_objects": join}, mesh=high)
     assert len(set(read_mesh(files["lod0"]).group_objects)) == n_objects
+
+
+def test_a_run_is_that_of_the_command(do, tmp_path):
+    write_mesh(icosphere(4), tmp_path / "high.ply")
+    given = {"faces": 100, "size": 32, "maps": ("ao",), "levels": (40,), "preset": "unity"}
+    files, figures = do("run", given, high=tmp_path / "high.ply")
+    own = {**given, "n_faces": given["faces"]}
+    del own["faces"]
+    result = run(read_mesh(tmp_path / "high.ply"), tmp_path / "out", RunOptions(**own))
+    for key, path in files.items():
+        assert key == "report" or path.read_bytes() == result.files[key].read_bytes(), key
+    assert figures["faces"] == result.low.n_faces and len(figures["levels"]) == 1
+    with pytest.raises(OptionError, match="faces, error: neither is given"):
+        do("run", {}, high=tmp_path / "high.ply")
 
 
 def test_maps_in_several_formats(do, ball):
@@ -209,3 +226,28 @@ def test_limits(do, ball, tmp_path):
     write_mesh(plane().replace(uvs=[[1, 0], [0, 0], [1, 1], [0, 1]]), tmp_path / "mirrored.obj")
     with pytest.raises(MeshError, match="the check found mirrored"):
         do("check", {"fail_on": "warning"}, mesh=tmp_path / "mirrored.obj")
+
+
+# Keys of steps that the command writes otherwise: files have suffixes there, several values of one
+# option one flag, and a picture or a map is an argument.
+ONLY_IN_FILES = {
+    "make": {"relief", "relief_height", "relief_scale", "triangles"},
+    "check": {"max_faces", "max_stretch"},
+    "bake-texture": {"parameters"},
+    "pack-textures": {"mesh_format", "meshes"},
+    "pack-channels": {"red_value", "green_value", "blue_value"},
+    "preview": {
+        *("background", "base_color", "bounces", "fov", "max_triangles"), *("width", "height"),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", [name for name in STEP_KINDS if name in COMMANDS])
+def test_options_have_one_name_in_pipelines_and_commands(name):
+    """A key is the flag of the command with `_` for `-`, unless only files have it."""
+    command = texbake.get_command(click.Context(texbake), name)
+    flags = {flag.lstrip("-").replace("-", "_") for option in command.params
+             for flag in (*option.opts, *option.secondary_opts)}  # fmt: skip
+    assert set(STEP_KINDS[name].choices) - flags == {
+        *ONLY_IN_FILES.get(name, ()), *({"format"} & {*STEP_KINDS[name].choices} - flags),
+    }  # fmt: skip

@@ -21,6 +21,7 @@ from texbake import (
     run,
 )
 from texbake.errors import UvError
+from texbake.jobs.export.export import share_elsewhere
 from texbake.jobs.run import RunResult
 from texbake.mapping.options import fitting_padding
 from texbake.mesh.compose import turned_over
@@ -28,6 +29,8 @@ from texbake.mesh.normals import angles_between, face_normals, smooth_normals
 from texbake.mesh.shapes import cube, icosphere
 from texbake.mesh.topology import face_components
 from texbake.mesh.weld import weld_rows
+from texbake.metadata import CONVENTION
+from texbake.targets import PROGRAMS
 
 FILES = {
     "ball_low.obj",
@@ -319,3 +322,47 @@ def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected) 
 def test_impossible_options_are_refused_before_the_work(options, message) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(OptionError, match=message):
         RunOptions(**options)
+
+
+def test_a_preset_names_and_codes_the_files_as_export_does(high: Mesh, tmp_path: Path) -> None:
+    options = RunOptions(preset="unreal", maps=("ao",), compare="off", n_faces=200, size=256)
+    made = run(high, tmp_path, options)
+    names = "SM_ball.glb T_ball_N.png T_ball_H.png T_ball_AO.png ball_report.json SETTINGS.txt"
+    assert {path.name for path in tmp_path.iterdir()} == {*names.split()}
+    assert set(made.files.values()) == set(tmp_path.iterdir())
+    normal = read_image(made.files["normal"], color=False)
+    assert (normal.bits, normal.metadata[CONVENTION]) == (16, "directx")
+    text = made.files["settings"].read_text()
+    assert "T_ball_H.png" in text and "SM_ball.glb" in text and "{" not in text
+
+
+@pytest.mark.parametrize("preset", PROGRAMS)
+def test_options_that_are_given_win_over_a_preset(preset: str) -> None:
+    target, chosen = PROGRAMS[preset], RunOptions(preset=preset)
+    assert (chosen.size, chosen.padding) == (target.size, target.padding)
+    assert (chosen.bits, chosen.convention) == (target.normal_bits, target.convention)
+    given = {"size": 512, "padding": 3, "bits": 8, "convention": "directx"}
+    own = RunOptions(preset=preset, **given)
+    assert {name: getattr(own, name) for name in given} == given
+    # The padding of a preset is for its size.
+    half = RunOptions(preset=preset, size=target.size // 2)
+    assert half.padding == target.padding // 2
+
+
+def test_levels_share_the_layout_and_have_smaller_maps(high: Mesh, tmp_path: Path) -> None:
+    options = replace(QUICK, size=128, levels=(90, 40), maps=("ao",))
+    made = run(high, tmp_path, options)
+    faces = [read_mesh(made.files[key]).n_faces for key in ("mesh", "lod1_mesh", "lod2_mesh")]
+    assert faces[1] <= 90 and faces[2] <= 40 and faces == [
+        made.low.n_faces, *(level.mesh.n_faces for level in made.levels)
+    ]  # fmt: skip
+    sizes = [read_image(made.files[f"{key}normal"], color=False).pixels.shape[0]
+             for key in ("", "lod1_", "lod2_")]  # fmt: skip
+    assert sizes == [128, 128, 64]
+    for level in made.levels:
+        assert share_elsewhere(level.mesh, made.low) < 0.1
+        assert level.baked.report.miss_percent == 0.0
+        assert set(level.baked.maps) == {"normal", "displacement", "ao"}
+    assert len(json.loads(made.files["report"].read_text())["levels"]) == 2
+    with pytest.raises(OptionError, match="levels: each must have fewer triangles"):
+        replace(options, levels=(90, 90))

@@ -142,7 +142,14 @@ def test_unwrap_adds_a_set_and_leaves_the_first(tmp_path):
     write_mesh(sphere, tmp_path / "in.obj")
     run = CliRunner().invoke(
         texbake,
-        ["unwrap", str(tmp_path / "in.obj"), "--set", "lightmap", "-o", str(tmp_path / "out.obj")],
+        [
+            "unwrap",
+            str(tmp_path / "in.obj"),
+            "--uv-set",
+            "lightmap",
+            "-o",
+            str(tmp_path / "out.obj"),
+        ],
     )
     assert run.exit_code == 0, run.output
     read = read_mesh(tmp_path / "out.obj")

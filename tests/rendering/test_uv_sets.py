@@ -137,7 +137,7 @@ def test_texcoord_0_is_the_first_set(slots):
 
 
 def test_a_missing_set_is_named():
-    with pytest.raises(UvError, match=r"has no UV set 'second'.*--set second"):
+    with pytest.raises(UvError, match=r"has no UV set 'second'.*--uv-set second"):
         picture(plane(2, 2), Material(base_color=image(uv_set="second")))
 
 

@@ -216,6 +216,11 @@ def write_build_report(path: PathLike, report: Mapping[str, Any]) -> None:
 _STATUSES = {BUILT: "built", CURRENT: "kept", FAILED: "failed", WAITING: "skipped"}
 # Folder for small pictures, named by the key of the step that made the large one.
 _THUMBNAILS = "thumbnails"
+# Outputs that show an asset, by their kinds of steps, the best first.
+_SHOWN = (
+    *(("preview", "picture"), ("run", "preview"), ("run", "normal")),
+    *(("bake-texture", "texture"), ("bake", "normal")),
+)
 
 
 def write_overview(path: PathLike, result: BuildResult, *, command: str = "") -> None:
@@ -240,18 +245,18 @@ def _row(asset: AssetResult, folder: Path, picture: bytes | None) -> BuildRow:
         message=asset.error or "; ".join(notes),
         page=None if page is None or is_url(page[1]) else os.path.relpath(page[1], folder),
         thumbnail=picture,
-        error_deg=max(_figures(asset, "page", "error_deg"), default=None),
-        miss_percent=max(_figures(asset, "bake", "miss_percent"), default=None),
+        error_deg=max(_figures(asset, "error_deg", "page", "run"), default=None),
+        miss_percent=max(_figures(asset, "miss_percent", "bake", "run"), default=None),
         seconds=asset.seconds or None,
-        n_faces=max(_figures(asset, "bake", "faces"), default=None),
+        n_faces=max(_figures(asset, "faces", "bake", "run"), default=None),
         n_bytes=sum(step.n_bytes for step in asset.steps) or None,
     )
 
 
-def _figures(asset: AssetResult, kind: str, name: str) -> Iterator[Any]:
-    """Yield the figures of a name that steps of a kind report."""
+def _figures(asset: AssetResult, name: str, *kinds: str) -> Iterator[Any]:
+    """Yield the figures of a name that steps of some kinds report."""
     for step in asset.steps:
-        if step.kind == kind and step.figures.get(name) is not None:
+        if step.kind in kinds and step.figures.get(name) is not None:
             yield step.figures[name]
 
 
@@ -263,6 +268,12 @@ def _output(asset: AssetResult, kind: str, name: str) -> tuple[StepResult, str] 
     return None
 
 
+def _picture_of(asset: AssetResult) -> tuple[StepResult, str] | None:
+    """Return the step that made the best picture of an asset, and the place of that."""
+    found = (_output(asset, *shown) for shown in _SHOWN)
+    return next((each for each in found if each is not None), None)
+
+
 def _thumbnails(result: BuildResult) -> dict[str, bytes]:
     """Return small pictures of assets, kept from the last page where they have not changed.
 
@@ -271,10 +282,9 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
     from texbake.pages.build_page import thumbnail
 
     sources = {
-        asset.name: (step.key, place)
+        asset.name: (found[0].key, found[1])
         for asset in result.assets
-        if (found := _output(asset, "preview", "picture")) is not None
-        for step, place in (found,)
+        if (found := _picture_of(asset)) is not None
     }
     folder = make_folder(result.folder / INSIDE / _THUMBNAILS)
     kept = {file.stem: file for file in folder.glob("*.jpg")}

@@ -93,7 +93,7 @@ PAGE = StepKind(
 
 # In the order in which a pipeline usually has them.
 _NAMES = (
-    *("make", "repair", "transform", "remesh", "simplify", "unwrap", "check", "bake"),
+    *("make", "repair", "transform", "remesh", "run", "simplify", "unwrap", "check", "bake"),
     *("bake-texture", "pack-textures", "pack-channels", "split-channels", "mipmap"),
     *("preview", "page", "export"),
 )

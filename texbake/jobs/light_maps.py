@@ -187,7 +187,7 @@ def bake_light_maps(
     if not have_set and uv_set not in (None, FIRST_UV_SET):
         raise UvError(
             f"{scene.name}: none of its lit objects has the texture coordinates {uv_set}; make "
-            f"some with: texbake unwrap MESH --set {uv_set} -o OUT"
+            f"some with: texbake unwrap MESH --uv-set {uv_set} -o OUT"
         )
     with stages.stage("build ray tree"):
         lamps = StaticLight(scene, meshes, options.threads)

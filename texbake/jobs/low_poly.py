@@ -52,6 +52,12 @@ class LowPoly:
         return replace(options, max_reach=self.reach)
 
 
+def _reaching(low: Mesh, report: SimplifyReport) -> LowPoly:
+    apart = report.distance
+    reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
+    return LowPoly(mesh=low, report=report, reach=reach)
+
+
 @dataclass(frozen=True, kw_only=True)
 class LowPolyMaker:
     """Makes low-poly meshes of one high-poly mesh."""
@@ -80,6 +86,19 @@ class LowPolyMaker:
             report = measured_to(low.report, self.high, low.mesh, threads=self.threads)
             low = replace(low, report=report)
         return low
+
+    def make_level(self, low: Mesh, finest: LowPoly, n_faces: int) -> LowPoly:
+        """Reduce an unwrapped low-poly mesh further; what is left keeps its place in the texture.
+
+        `finest` says how `low` was made.
+        """
+        level, report = simplify_with_report(
+            low, n_faces, quality="best", seams="keep", threads=self.threads, progress=self.progress
+        )
+        check_count(level.n_faces, n_faces, low.name, "request more")
+        level = self.rule.after_unwrap(self.rule.before_unwrap(level))
+        made = _reaching(level, measured_to(report, self.high, level, threads=self.threads))
+        return replace(made, ray_distance=finest.ray_distance)
 
     def _simplify_or_wrap(self) -> LowPoly:
         n_faces, has_error = self.n_faces, self.error is not None
@@ -111,9 +130,7 @@ class LowPolyMaker:
             threads=self.threads,
             progress=self.progress,
         )
-        apart = report.distance
-        reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
-        return LowPoly(mesh=low, report=report, reach=reach)
+        return _reaching(low, report)
 
     def _simplify_high(self) -> LowPoly:
         return self._simplify(self.high, self.quality)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from itertools import pairwise
+from typing import Annotated, Any, TypeVar
 
-from texbake.baking.options import (
-    CONVENTIONS,
-    PADDING_OPTION,
-    BakeOptions,
-)
+from texbake.baking.maps import MAP_NAMES, MATERIAL_MAPS
+from texbake.baking.options import BITS, CONVENTIONS, PADDING_OPTION, BakeOptions
+from texbake.errors import OptionError
 from texbake.mapping.options import PADDING_DEFAULT, UnwrapOptions
 from texbake.mesh.options import (
     ANGLE_OPTION,
@@ -27,13 +27,39 @@ from texbake.mesh.options import (
 )
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import THREADS_OPTION, CheckedOptions, Size, option, option_of
+from texbake.targets import OWN_FILES, PRESET_HELP, PROGRAMS, SETTINGS, Target
 
+Value = TypeVar("Value")
 DEMO_FOLDER = "texbake_demo"
 DEFAULT_FACES = 500
 DEFAULT_SAMPLES = 4  # rays per texel where no error and no time is given
 COMPARES = ("off", "quick", "full")
 MIN_TRIANGLES = 1000  # an orange of fewer has no pores
 _PICTURE_SIZE = 720  # pixels per side of each picture
+_ALWAYS = ("normal", "displacement")  # maps that every run bakes
+PICTURES = ("preview", "compare")
+
+
+def with_levels(
+    files: Mapping[str, Value], levels: Sequence[Mapping[str, Value]]
+) -> dict[str, Value]:
+    """Return files by their keys, with those of coarser levels as `lod1_mesh` and so on."""
+    return dict(files) | {
+        f"lod{number}_{key}": file
+        for number, level in enumerate(levels, 1)
+        for key, file in level.items()
+    }
+
+
+def scaled_size(size: Size, n_halvings: int) -> Size:
+    """Return the size of a texture that is halved this many times, at least one texel.
+
+    >>> scaled_size(1024, 2), scaled_size((512, 2), 2)
+    (256, (128, 1))
+    """
+    if isinstance(size, int):
+        return max(1, size >> n_halvings)
+    return max(1, size[0] >> n_halvings), max(1, size[1] >> n_halvings)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +78,37 @@ class RunOptions(CheckedOptions):
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
-    size: Annotated[Size, option_of(BakeOptions, "size")] = 2048
-    padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
+    preset: str | None = option(None, PRESET_HELP, choices=tuple(PROGRAMS), default="none")
+    maps: tuple[str, ...] | None = option(
+        None,
+        "More maps to bake, beside the normals, the heights and those of the materials.",
+        choices=tuple(name for name in MAP_NAMES if name not in (*_ALWAYS, *MATERIAL_MAPS)),
+        metavar="NAME,...",
+        default="none",
+    )
+    levels: tuple[int, ...] | None = option(
+        None,
+        "Triangles of coarser levels of detail, the finest first. Each has the texture coordinates "
+        "of the low-poly mesh, and maps of its own: half as wide where it has a quarter of the "
+        "triangles.",
+        metavar="N,...",
+        low=MIN_FACES,
+        default="none",
+    )
+    # These and `convention` are never None once they are checked.
+    size: Annotated[
+        Size | None,
+        replace(option_of(BakeOptions, "size"), default=f"{OWN_FILES.size}, or of the preset"),
+    ] = None
+    padding: Annotated[
+        int | None, replace(PADDING_OPTION, default=f"{PADDING_DEFAULT}; or of the preset")
+    ] = None
+    bits: int | None = option(
+        None,
+        "Bits per channel of the normal map.",
+        choices=BITS[:2],
+        default=f"{OWN_FILES.normal_bits}, or of the preset",
+    )
     samples: Annotated[
         int | str | None,
         replace(
@@ -63,11 +118,12 @@ class RunOptions(CheckedOptions):
     ] = None
     max_error: Annotated[str | None, option_of(BakeOptions, "max_error")] = None
     time_budget: Annotated[str | float | None, option_of(BakeOptions, "time_budget")] = None
-    convention: str = option(
-        "opengl",
+    convention: str | None = option(
+        None,
         "Green channel of the normal map: +Y up (opengl) or +Y down (directx); in the GLB "
         "file it is always opengl.",
         choices=CONVENTIONS,
+        default=f"{OWN_FILES.convention}, or of the preset",
     )
     view: Annotated[ViewAngles, option_of(RenderOptions, "view")] = RenderOptions.view
     up: Annotated[str, option_of(RenderOptions, "up")] = RenderOptions.up
@@ -83,16 +139,51 @@ class RunOptions(CheckedOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for name, value in self._chosen_by_target():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
         check_target(self.n_faces, self.error)
         check_angle(self.normals, self.angle)
+        counts = (*(() if self.n_faces is None else (self.n_faces,)), *(self.levels or ()))
+        if any(fine <= coarse for fine, coarse in pairwise(counts)):
+            raise OptionError("levels: each must have fewer triangles than the one before")
         # These check their values, now and not when half of the work is done.
         self.unwrap_options()
         self.bake_options()
         self.render_options()
 
+    @property
+    def target(self) -> Target:
+        """The program that reads the files; that of texbake's own names without a preset."""
+        return OWN_FILES if self.preset is None else PROGRAMS[self.preset]
+
+    @property
+    def own_maps(self) -> tuple[str, ...]:
+        """All maps but those of materials."""
+        return (*_ALWAYS, *(self.maps or ()))
+
+    def _chosen_by_target(self) -> list[tuple[str, Any]]:
+        target = self.target
+        size = target.size if self.size is None else self.size
+        side = size if isinstance(size, int) else min(size)
+        padding = max(1, target.padding * side // target.size)
+        return [
+            ("size", size), ("bits", target.normal_bits), ("convention", target.convention),
+            ("padding", None if self.preset is None else padding),
+        ]  # fmt: skip
+
     def unwrap_options(self) -> UnwrapOptions:
         """Return how the low-poly mesh gets its texture coordinates."""
+        assert self.size is not None
         return UnwrapOptions(size=self.size, padding=self.padding, seams_at_hard_edges=True)
+
+    def at_level(self, n_finest: int, n_faces: int, padding: int) -> RunOptions:
+        """Return options for the maps of a coarser level, given the padding of the atlas."""
+        assert self.size is not None
+        n_halvings = max(0, (n_finest // n_faces).bit_length() - 1) // 2
+        size = scaled_size(self.size, n_halvings)
+        padding = max(min(padding, 1), padding >> n_halvings)
+        return replace(self, size=size, padding=padding, time_budget=None)
 
     def bake_options(
         self, channels: tuple[str, ...] = (), padding: int | None = None
@@ -101,8 +192,9 @@ class RunOptions(CheckedOptions):
 
         `padding` is the padding of the atlas.
         """
+        assert self.size is not None and self.convention is not None
         return BakeOptions(
-            maps=("normal", "displacement", *channels),
+            maps=tuple(dict.fromkeys((*self.own_maps, *channels))),
             size=self.size,
             padding=padding or 0,
             samples=self._bake_samples,
@@ -113,6 +205,36 @@ class RunOptions(CheckedOptions):
             orientation="keep",  # flipped before it is simplified
             threads=self.threads,
         )
+
+    def names_of_levels(self, asset: str, images: Sequence[str] = ()) -> list[dict[str, str]]:
+        """Return the names of the files of each level of detail by their keys, the finest first.
+
+        `images` are those of materials, by the ends of their names.
+        """
+        names = [self._names_of(asset, images)]
+        names[0]["report"] = f"{asset}_report.json"
+        if self.preset is not None:
+            names[0]["settings"] = SETTINGS
+        if self.compare != "off":
+            names[0] |= {key: f"{asset}_{key}.png" for key in PICTURES}
+        levels = range(1, 1 + len(self.levels or ()))
+        return [*names, *(self._names_of(f"{asset}_lod{level}", images) for level in levels)]
+
+    def _names_of(self, asset: str, images: Sequence[str]) -> dict[str, str]:
+        target, has_preset = self.target, self.preset is not None
+        names = {}
+        if target.mesh_format == "obj":
+            names["mesh"] = f"{target.mesh_stem(asset)}.obj"
+        for key in self.own_maps:
+            is_float = key == "displacement" and target.heights == "float"
+            names[key] = f"{target.map_stem(asset, key)}.{'exr' if is_float else 'png'}"
+        if target.mesh_format == "glb" or not has_preset:
+            names["glb"] = f"{target.mesh_stem(asset)}.glb"
+        for key in images:
+            kind = key.replace("_", "-") if has_preset else key
+            kind = (target.packing or kind) if kind == "orm" else kind
+            names[key] = f"{target.map_stem(asset, kind)}.png"
+        return names
 
     @property
     def _bake_samples(self) -> int | str:

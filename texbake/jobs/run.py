@@ -10,70 +10,58 @@ kept.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.result import BakeResult, check_texels
 from texbake.files import (
     PathLike,
     appearing_together,
-    check_writable,
-    make_folder,
-    replacing,
-    scratch_folder,
 )
 from texbake.jobs.comparison import comparison_warnings
 from texbake.jobs.fit import with_diagnosis
-from texbake.jobs.low_poly import LowPolyMaker
+from texbake.jobs.low_poly import LowPoly, LowPolyMaker
 from texbake.jobs.material_transfer import (
-    encoded_channels,
-    image_names,
-    image_of,
-    shared_materials,
     transferred_channels,
 )
-from texbake.jobs.options import RunOptions
+from texbake.jobs.options import PICTURES, RunOptions, with_levels
 from texbake.jobs.outputs import write_report
+from texbake.jobs.run_files import coded_map, files_of_levels, mesh_name, write_asset
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
-from texbake.mesh.files import write_mesh
-from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.raycast.orientation import OrientationReport, oriented
 from texbake.rendering.compare import Comparison, compare
-from texbake.texture.encoding import decode_srgb
 from texbake.texture.image import write_image
 
 if TYPE_CHECKING:
     from texbake.pages.asset_page import Plot
 
-# Ends of the file names, after the name of the asset.
-_NAMES = {
-    "mesh": "_low.obj",
-    "normal": "_normal.png",
-    "displacement": "_displacement.exr",
-    "glb": "_low.glb",
-    "report": "_report.json",
-}
-_PICTURES = {"preview": "_preview.png", "compare": "_compare.png"}
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunLevel:
+    """A coarser level of detail."""
+
+    mesh: Mesh
+    baked: BakeResult
+    files: dict[str, Path]  # as those of `RunResult`
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult:
     """What `run` made."""
 
-    # `mesh`, `normal`, `displacement`, `glb` and `report`; `preview` and `compare`, the pictures,
-    # unless nothing was compared
+    # `mesh` (OBJ), `normal`, `displacement`, further maps, `glb` and `report`; `preview` and
+    # `compare`, the pictures, unless nothing was compared. With a preset only one of the meshes is
+    # there, and `settings`. Those of a coarser level of detail begin with `lod1_` and so on.
     files: dict[str, Path]
     high: Mesh  # the high-poly mesh, facing outwards
     low: Mesh  # the low-poly mesh, with texture coordinates
@@ -88,6 +76,7 @@ class RunResult:
     # time and memory of the stages, including writing their files
     stages: list[StageRecord] = field(default_factory=list)
     missing: tuple[str, ...] = ()  # sentences on what the asset lacks of the high-poly file
+    levels: tuple[RunLevel, ...] = ()  # coarser levels of detail
 
     @property
     def warnings(self) -> list[str]:
@@ -138,6 +127,10 @@ class RunResult:
             "unwrap": self.unwrapped.to_json(),
             "bake": self.baked.report.to_json(),
             "compare": None if self.comparison is None else self.comparison.to_json(),
+            "levels": [
+                {"n_faces": level.mesh.n_faces, "bake": level.baked.report.to_json()}
+                for level in self.levels
+            ],
         }
 
 
@@ -176,7 +169,7 @@ def run(
     options = options or RunOptions()
     high = joined_objects(as_mesh(high)) if options.join_objects else as_mesh(high)
     channels = () if materials is None else transferred_channels(materials)
-    files = _files_in(folder, high, channels, pictures=options.compare != "off")
+    files, *others = files_of_levels(folder, high, channels, options)
     stages = Stages()
     rule = LowNormals(options.normals, options.angle)
     with stages.part("simplify"):
@@ -192,12 +185,13 @@ def run(
             quality=options.quality, seams="drop", threads=threads, progress=progress,
         )  # fmt: skip
         low_poly = maker.make(options.remesh)
-    low = rule.before_unwrap(low_poly.mesh.replace(name=files["mesh"].name))
+    low = rule.before_unwrap(low_poly.mesh.replace(name=mesh_name(files)))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
         low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
         low = rule.after_unwrap(low)
-        write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
+    with stages.part("levels") if options.levels else nullcontext():
+        coarser = [maker.make_level(low, low_poly, n_faces) for n_faces in options.levels or ()]
     with stages.part("bake"):
         chosen = low_poly.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
@@ -205,19 +199,21 @@ def run(
             baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
     with stages.part("write maps"):
-        with Stages(progress).stage("write maps"):
-            for name in ("normal", "displacement"):
-                baked.maps[name].write(files[name])
-        if materials is None:
-            _write_plain(baked, low, files, options)
-        else:
-            _write_materials(baked, (high, low), materials, files, options)
+        write_asset(baked, (high, low), materials, files, options, progress)
+    levels = []
+    for made, level_files in zip(coarser, others, strict=True):
+        with stages.part(f"level of {made.mesh.n_faces:,} triangles"):
+            padding = unwrapped.options.padding or 0
+            scaled = options.at_level(low.n_faces, made.mesh.n_faces, padding)
+            level = _baked_level(high, made, materials, level_files, scaled, progress)
+            levels.append(level)
     comparison = None
     if options.compare != "off":
         with stages.part("compare"):
             comparison = _compared(high, low, baked, materials, files, options, progress)
     result = RunResult(
-        files=files,
+        files=with_levels(files, [level.files for level in levels]),
+        levels=tuple(levels),
         high=high,
         low=low,
         orientation=orientation,
@@ -239,49 +235,21 @@ def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
     return [("Samples of the maps", ""), *rows] if rows else []
 
 
-def _files_in(
-    folder: PathLike, high: Mesh, channels: Sequence[str], *, pictures: bool
-) -> dict[str, Path]:
-    folder = make_folder(folder)
-    asset = Path(high.name).stem or "mesh"
-    endings = {**_NAMES, **{name: f"_{name}.png" for name in image_names(channels)}}
-    endings |= _PICTURES if pictures else {}
-    files = {name: folder / f"{asset}{ending}" for name, ending in endings.items()}
-    for path in files.values():
-        check_writable(path)
-    return files
-
-
-def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
-    """Write the low-poly mesh with its normal map and the base color of the options."""
-    # glTF normal maps are +Y whatever the user's other programs need, and have 8 bits.
-    with scratch_folder() as folder:
-        normal_map = folder / files["normal"].name
-        baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
-        color = decode_srgb(np.array(options.base_color)).tolist()
-        write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
-
-
-def _write_materials(
-    baked: BakeResult,
-    meshes: tuple[Mesh, Mesh],
-    materials: Materials,
+def _baked_level(
+    high: Mesh,
+    made: LowPoly,
+    materials: Materials | None,
     files: dict[str, Path],
     options: RunOptions,
-) -> None:
-    """Write the images of the materials, and the low-poly mesh with them."""
-    high, low = meshes
-    asset, threads = Path(high.name).stem, options.threads
-    channels = encoded_channels(baked.maps, materials, asset, threads=threads)
-    for name in image_names(channels):
-        image = image_of(name, channels)
-        if image is None:  # one value all over, which is a factor
-            files.pop(name, None)
-            continue
-        with replacing(files[name]) as temporary:
-            temporary.write_bytes(image.data)
-    shared = shared_materials(low, high, materials, channels, asset, threads=threads)
-    write_glb(low, files["glb"], materials=shared)
+    progress: Progress,
+) -> RunLevel:
+    """Bake the maps of a coarser level, and write it."""
+    mesh = made.mesh.replace(name=mesh_name(files))
+    channels = () if materials is None else transferred_channels(materials)
+    chosen = made.aimed(options.bake_options(channels, options.padding))
+    baked = bake_objects(high, mesh, chosen, materials=materials, progress=progress)
+    write_asset(baked, (high, mesh), materials, files, options, progress)
+    return RunLevel(mesh=mesh, baked=baked, files=files)
 
 
 def _compared(
@@ -296,7 +264,7 @@ def _compared(
     """Compare with the maps as their files hold them, and write both pictures."""
     full = options.compare == "full"
     shown = ("normal", "displacement") if full else ("normal",)
-    maps = {name: baked.maps[name].as_read(files[name]) for name in shown}
+    maps = {name: coded_map(baked, name, options).as_read(files[name]) for name in shown}
     comparison = compare(
         high,
         low,
@@ -308,7 +276,7 @@ def _compared(
         threads=options.threads,
         progress=progress,
     )
-    for name, sheet in zip(_PICTURES, comparison.sheets(), strict=True):
+    for name, sheet in zip(PICTURES, comparison.sheets(), strict=True):
         write_image(sheet, files[name], color=True, threads=options.threads)
     return comparison
 

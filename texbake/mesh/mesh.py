@@ -225,7 +225,7 @@ class Mesh:
         others = f"it has {', '.join(self.uv_sets)}; " if self.uv_sets else ""
         raise UvError(
             f"{self.name}: it has no UV set {quoted(name)}; {others}"
-            f"make it with: texbake unwrap {self.name} --set {name} -o OUT"
+            f"make it with: texbake unwrap {self.name} --uv-set {name} -o OUT"
         )
 
     def on_uv_set(self, name: str | None) -> Mesh:

@@ -236,9 +236,9 @@ STEP = step_of(
         show_default=True,
     ),
     Extra(
-        "--set uv_set",
-        "Texture coordinates of the maps, for objects that have them; see: texbake unwrap --set. "
-        " [default: the first]",
+        "--uv-set uv_set",
+        "Texture coordinates of the maps, for objects that have them; see: texbake unwrap "
+        "--uv-set.  [default: the first]",
         metavar="NAME",
     ),
     Options(BakeOptions, "bits", "padding", "fill", "threads"),

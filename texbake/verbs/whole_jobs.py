@@ -5,11 +5,25 @@ The work itself is in `texbake.jobs`.
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+import shutil
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any
 
+from texbake.baking.memory import PROCESS, bake_memory
+from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.jobs.options import DEMO_FOLDER, DemoOptions, LightenOptions, RunOptions
+from texbake.jobs.options import DEMO_FOLDER, DemoOptions, LightenOptions, RunOptions, with_levels
+from texbake.schema import option_of
+from texbake.verbs.step import (
+    Job,
+    Settings,
+    Sizes,
+    n_faces,
+    n_texels,
+    stage_seconds,
+    step_of,
+    without_timings,
+)
 from texbake.verbs.verb import PAGE, REPORT, Options, Reads, Writes, verb
 
 if TYPE_CHECKING:
@@ -30,6 +44,7 @@ _FOLDER = "Folder for the files, which is made if it is missing."
       texbake run scan.ply -o asset --faces 500 --size 2048
       texbake run scan.ply -o asset --faces 2000 --quality best --convention directx
       texbake run scan.ply -o asset --error 0.5%
+      texbake run scan.ply -o asset --faces 2000 --preset unreal --maps ao --levels 500,120
       texbake run scan.ply -o asset --faces 500 --max-error 0.5deg,0.01%
     """,
     table=lambda result: result.table(),
@@ -50,7 +65,9 @@ def run_files(
     scan_preview.png, scan_compare.png and scan_report.json.
 
     By default, maps have 2048 x 2048 texels with four rays each, as a finished asset needs.
-    texbake bake casts a sixteenth as many by default, which is enough to try options.
+    texbake bake casts a sixteenth as many by default, which is enough to try options. With
+    --preset, the files have the names, formats and codings that a program expects, and SETTINGS.txt
+    says what to set there.
     """
     from texbake.jobs.material_transfer import compared_without, left_out
     from texbake.jobs.run import run, with_page
@@ -66,6 +83,69 @@ def run_files(
     result = run(mesh, output, options, materials=materials, progress=progress)
     result = replace(result, missing=(*without, *compared_without(high, materials)))
     return result if html is None else with_page(result, html, options, command=command)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunStep(RunOptions):
+    """How a finished asset is made of a high-poly mesh."""
+
+    faces: Annotated[int | None, option_of(RunOptions, "n_faces")] = None
+
+    def __post_init__(self) -> None:
+        if self.faces is None and self.error is None:
+            raise OptionError("faces, error: neither is given; give one of them, or both")
+        object.__setattr__(self, "n_faces", self.faces)
+        super().__post_init__()
+
+
+def _run_files(settings: Settings) -> dict[str, str]:
+    """Return the files of a run by its keys; images of materials are in the GLB file, if any is."""
+    options: RunStep = RUN.made(settings)
+    first, *others = options.names_of_levels("asset")
+    first.pop("settings", None)  # it names the files of a folder, and these have other names
+    return with_levels(first, others)
+
+
+def _run_step(job: Job) -> dict[str, Any]:
+    from texbake.files import scratch_folder
+    from texbake.jobs.outputs import write_report
+
+    with scratch_folder() as folder:
+        result = run_files(job.file("high"), folder, RUN.made(job.settings, threads=job.threads))
+        for key, path in job.outputs.items():
+            if key != "report":
+                shutil.copyfile(result.files[key], path)
+    figures = result.to_json()
+    figures["files"] = {key: path.name for key, path in job.outputs.items()}
+    write_report(job.outputs["report"], without_timings(figures))
+    baked, compared = result.baked.report, result.comparison
+    return {
+        "faces": result.low.n_faces,
+        "levels": [level.mesh.n_faces for level in result.levels],
+        "miss_percent": baked.miss_percent,
+        "error_deg": None if compared is None else compared.mapped.mean_deg,
+        "notes": result.warnings,
+        "stages": stage_seconds(result.stages),
+    }
+
+
+def _run_memory(settings: Settings, sizes: Sizes) -> int:
+    """Estimate: what simplifies the mesh and what bakes it, of which the larger one counts."""
+    n_high = n_faces(sizes, "high")
+    maps = RUN.made(settings).own_maps
+    return max(bake_memory(n_high, 1000, n_texels(settings), maps), PROCESS + 300 * n_high)
+
+
+RUN = step_of(
+    run_files,
+    does="makes a low-poly mesh with maps, levels of detail and pictures of a high-poly mesh",
+    options=RunStep,
+    # What a time budget allows depends on the machine; the same inputs must give the same bytes.
+    without=("threads", "n_faces", "time_budget", "base_color"),
+    outputs=_run_files,
+    run=_run_step,
+    memory=_run_memory,
+)
 
 
 @verb(

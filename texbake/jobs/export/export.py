@@ -20,9 +20,9 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
-from texbake.files import PathLike, appearing_together, make_folder, replacing, scratch_folder
+from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.export.maps import COLORS, PACKED, Converter, SourceMap, source_maps
-from texbake.jobs.export.programs import PROGRAMS, ExportedMap, ExportOptions, settings_text
+from texbake.jobs.export.programs import ExportedMap, ExportOptions, write_settings
 from texbake.jobs.outputs import triangle_notes
 from texbake.mesh.compose import transformed
 from texbake.mesh.distance import sample_surface
@@ -34,10 +34,9 @@ from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.transform import Y_FROM_Z
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import Progress, Stages
+from texbake.targets import PROGRAMS
 from texbake.texture.image import read_image
 from texbake.texture.image_files import write_layers
-
-SETTINGS = "SETTINGS.txt"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,16 +109,14 @@ def export_asset(
         layers = folder / f"{asset}_layers.exr"
         with stages.stage("write layers"):
             _write_layers(sources, layers, options)
-    text = settings_text(
-        options, mesh_file, written, n_levels=1 + len(levels), notes=converter.notes
+    settings = write_settings(
+        folder, options, mesh_file, written, n_levels=1 + len(levels), notes=converter.notes
     )
-    with replacing(folder / SETTINGS) as temporary:
-        temporary.write_text(text, encoding="utf-8")
     return ExportResult(
         mesh=mesh_file,
         textures=tuple(textures),
         maps=tuple(written),
-        settings=folder / SETTINGS,
+        settings=settings,
         layers=layers,
         warnings=(*converter.notes, *triangle_notes(mesh, mesh_file)),
     )

@@ -19,8 +19,9 @@ import numpy.typing as npt
 from texbake.baking.maps import MAP_NAMES
 from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike, is_folder, replacing
-from texbake.jobs.export.programs import KINDS, PROGRAMS, ExportedMap, ExportOptions, Target
+from texbake.jobs.export.programs import KINDS, ExportedMap, ExportOptions
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
+from texbake.targets import PROGRAMS, Target
 from texbake.texture.dds import write_dds
 from texbake.texture.image import Image, read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals

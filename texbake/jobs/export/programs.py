@@ -1,4 +1,4 @@
-"""What differs between the programs that assets are exported to, and what to set in each.
+"""What to set in each of the programs that assets are exported to.
 
 Based on: what Blender 5.0.1 and three.js r187 show of exported files, and what is generally known
 of Unreal Engine 5, Unity (URP and HDRP) and Godot 4.
@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from texbake.baking.options import CONVENTIONS
 from texbake.errors import OptionError, quoted
+from texbake.files import replacing
 from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
+from texbake.targets import PROGRAMS, SETTINGS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,100 +29,6 @@ class ExportedMap:
     mid: float = 0.0  # of heights: the value at the surface
     scale: float = 1.0  # of heights: meters from black to white; 1 in a float file
 
-
-@dataclass(frozen=True, kw_only=True)
-class Target:
-    """What a program expects of an asset."""
-
-    title: str  # its name
-    axes: str  # its up axis and unit, and how its importer treats them
-    tangents: str  # where its tangent basis comes from
-    mesh_format: str = "glb"  # the format that it reads best without an extension
-    # Patterns of file names.
-    mesh_name: str = "{asset}"
-    map_name: str = "{asset}_{map}"
-    # Its words for maps in file names, where they differ.
-    words: dict[str, str] = field(default_factory=dict)
-    # Separator before the number of a UDIM tile; empty if it does not support tiles.
-    tile_mark: str = ""
-    convention: str = "opengl"  # green channel of normal maps: `opengl` or `directx`
-    normal_bits: int = 8  # bits per channel that it keeps of a normal map
-    # `float`: heights in meters, as EXR; or `codes`: 16-bit PNG with a mid level.
-    heights: str = "codes"
-    # `orm`, `mask-map` or None: the map into which occlusion, roughness and metalness are packed.
-    packing: str | None = "orm"
-    embeds: bool = True  # whether the mesh file contains the material with its images
-    textures: tuple[str, ...] = ("png",)  # texture formats that it reads
-    reads_meshopt: bool = False  # whether it reads meshes compressed by EXT_meshopt_compression
-
-    def mesh_stem(self, asset: str) -> str:
-        """Return the name of the mesh file without its suffix."""
-        return self.mesh_name.format(asset=asset)
-
-    def map_stem(self, asset: str, kind: str, tile: str = "") -> str:
-        """Return the name of a map file without its suffix.
-
-        >>> PROGRAMS["unreal"].map_stem("rock", "normal", "1002")
-        'T_rock_N.1002'
-        """
-        stem = self.map_name.format(asset=asset, map=self.words.get(kind, kind))
-        return f"{stem}{self.tile_mark or '_'}{tile}" if tile else stem
-
-
-PROGRAMS = {
-    "blender": Target(
-        title="Blender",
-        axes="Z up, meters; its glTF importer turns the file's Y up.",
-        tangents="MikkTSpace, which Blender computes itself from normals and coordinates.",
-        tile_mark=".",
-        normal_bits=16,
-        heights="float",
-        packing=None,
-    ),
-    "unreal": Target(
-        title="Unreal Engine",
-        axes="Z up, centimeters, left-handed; its glTF importer turns and scales the file.",
-        tangents="MikkTSpace; take the file's, or let it recompute with MikkTSpace on.",
-        mesh_name="SM_{asset}",
-        map_name="T_{asset}_{map}",
-        words={
-            "normal": "N", "base-color": "BC", "orm": "ORM", "displacement": "H", "ao": "AO",
-            "roughness": "R", "metalness": "M", "emissive": "E", "opacity": "O",
-            "bent-normal": "BN",
-        },
-        tile_mark=".",
-        convention="directx",
-        normal_bits=16,
-        embeds=False,
-    ),
-    "unity": Target(
-        title="Unity",
-        axes="Y up, meters, left-handed; its importer mirrors x.",
-        tangents="MikkTSpace, which Unity's importer computes.",
-        mesh_format="obj",
-        words={
-            "normal": "Normal", "base-color": "BaseMap", "mask-map": "MaskMap",
-            "displacement": "Height", "emissive": "Emission", "ao": "Occlusion",
-            "bent-normal": "BentNormal", "opacity": "Opacity", "thickness": "Thickness",
-        },
-        normal_bits=16,
-        packing="mask-map",
-        embeds=False,
-    ),
-    "godot": Target(
-        title="Godot",
-        axes="Y up, meters, as the file is.",
-        tangents="MikkTSpace, those of the file.",
-        words={"base-color": "albedo", "displacement": "height", "emissive": "emission"},
-        textures=("png", "dds"),
-    ),
-    "threejs": Target(
-        title="three.js",
-        axes="Y up, meters, as the file is.",
-        tangents="MikkTSpace, those of the file.",
-        reads_meshopt=True,
-    ),
-}  # fmt: skip
 
 TEXTURES = ("png", "dds")
 MESH_FORMATS = ("glb", "obj", "usda", "usdc", "usdz")
@@ -267,6 +175,19 @@ _STEPS: dict[str, dict[str, str]] = {
         "opacity": "{file}: flipY = {flip}, NoColorSpace; material.alphaMap, alphaTest 0.5.",
         "tiles": "three.js has no UDIM tiles: one material a tile.",
     },
+    "gltf-web": {
+        "mesh": "Show {file} with any viewer of glTF 2.0.",
+        "usd": "{file}: viewers of glTF do not read USD; export again as glb.",
+        "obj": "{file}: viewers of glTF do not read OBJ; export again as glb.",
+        "normal": "{file}: {held}normalTexture, scale 1.",
+        "orm": "{file}: {held}metallicRoughnessTexture and occlusionTexture, factors 1.",
+        "base-color": "{file}: {held}baseColorTexture.",
+        "emissive": "{file}: {held}emissiveTexture, emissiveFactor 1.",
+        "displacement": "{file}: glTF has no displacement; the normal map shows the detail. White "
+        "is {m:.6g} m above black; level {mid:.6g} is the surface ({cm:.6g} cm from black to "
+        "white).",
+        "tiles": "glTF has no UDIM tiles: one material a tile.",
+    },
 }
 _MESHOPT = "It is compressed: loader.setMeshoptDecoder(MeshoptDecoder) before it is loaded."
 # Maps that the material in a mesh file has.
@@ -276,6 +197,23 @@ _IN_MATERIAL = {
 }  # fmt: skip
 _HELD = "in the GLB already. By hand: "
 _OTHER = "{file}: data, sRGB off; no place of its own in the material."
+
+
+def write_settings(
+    folder: Path,
+    options: ExportOptions,
+    mesh_file: Path,
+    maps: Sequence[ExportedMap],
+    *,
+    n_levels: int = 1,
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write the text that says what to set in the program, and return its path."""
+    path = folder / SETTINGS
+    with replacing(path) as temporary:
+        text = settings_text(options, mesh_file, maps, n_levels=n_levels, notes=notes)
+        temporary.write_text(text, encoding="utf-8")
+    return path
 
 
 def settings_text(

@@ -182,7 +182,6 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
         "Write the coordinates as a further set of this name, such as lightmap, and leave the "
         "first as it is.",
         metavar="NAME",
-        flag="--set",
         default="the first set",
     )
 

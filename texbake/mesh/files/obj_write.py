@@ -180,7 +180,7 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
     if not fits:
         raise FileFormatError(
             f"{beside}: it belongs to other faces than those of {path}; delete it, and make the "
-            "sets again with: texbake unwrap --set"
+            "sets again with: texbake unwrap --uv-set"
         )
     return sets
 

@@ -254,7 +254,7 @@ def _check_of(item: OptionField) -> Any:
         return choice(item.option.choices)
     if get_origin(only) is tuple:
         parts = get_args(only)
-        if all(part in (float, int, ...) for part in parts):
+        if parts != (int, ...) and all(part in (float, int, ...) for part in parts):
             return numbers(None if ... in parts else len(parts))
         return Plain
     return _BY_KIND.get(only, Plain)

@@ -1,0 +1,162 @@
+"""The files of `run`: their names, by the program that reads them, and how they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from texbake.baking.result import BakedMap, BakeResult, WrittenMap
+from texbake.files import PathLike, check_writable, make_folder, replacing, scratch_folder
+from texbake.jobs.export.maps import PACKED, Converter, SourceMap
+from texbake.jobs.export.programs import ExportedMap, ExportOptions, write_settings
+from texbake.jobs.material_transfer import (
+    encoded_channels,
+    image_names,
+    image_of,
+    shared_materials,
+)
+from texbake.jobs.options import RunOptions
+from texbake.mesh.files import write_mesh
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.materials import Materials
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import with_shading_normals
+from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
+from texbake.progress import Progress, Stages
+from texbake.texture.encoding import decode_srgb
+
+
+def files_of_levels(
+    folder: PathLike, high: Mesh, channels: Sequence[str], options: RunOptions
+) -> list[dict[str, Path]]:
+    """Return the files of each level of detail by their keys, the finest first."""
+    folder, asset = make_folder(folder), Path(high.name).stem or "mesh"
+    images = image_names(channels)
+    files = [
+        {key: folder / file for key, file in names.items()}
+        for names in options.names_of_levels(asset, images)
+    ]
+    for path in (path for named in files for path in named.values()):
+        check_writable(path)
+    return files
+
+
+def mesh_name(files: Mapping[str, Path]) -> str:
+    """Return the name of the file of the mesh."""
+    return (files.get("mesh") or files["glb"]).name
+
+
+def coded_map(baked: BakeResult, name: str, options: RunOptions) -> BakedMap:
+    """Return a map with the bits per channel of its file."""
+    made = baked.maps[name]
+    if name != "normal":
+        return made
+    return replace(made, options=replace(made.options, bits=options.bits))
+
+
+def write_asset(
+    baked: BakeResult,
+    meshes: tuple[Mesh, Mesh],
+    materials: Materials | None,
+    files: dict[str, Path],
+    options: RunOptions,
+    progress: Progress,
+) -> None:
+    """Write a low-poly mesh with all of its maps, given the high-poly mesh and itself."""
+    _, low = meshes
+    with Stages(progress).stage("write maps"):
+        if "mesh" in files:
+            write_mesh(with_shading_normals(low, threads=options.threads), files["mesh"])
+        written = {
+            name: coded_map(baked, name, options).write(files[name]) for name in options.own_maps
+        }
+    if materials is not None:
+        _write_materials(baked, meshes, materials, files, options)
+    elif "glb" in files:
+        _write_plain(baked, low, files, options)
+    if "settings" in files:
+        _write_settings(files, written, options)
+
+
+def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
+    """Write the low-poly mesh with its normal map and the base color of the options."""
+    if not options.target.embeds:
+        write_mesh(low, files["glb"])
+        return
+    # glTF normal maps are +Y whatever the user's other programs need, and have 8 bits.
+    with scratch_folder() as folder:
+        normal_map = folder / files["normal"].name
+        baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
+        color = decode_srgb(np.array(options.base_color)).tolist()
+        write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
+
+
+def _write_materials(
+    baked: BakeResult,
+    meshes: tuple[Mesh, Mesh],
+    materials: Materials,
+    files: dict[str, Path],
+    options: RunOptions,
+) -> None:
+    """Write the images of the materials, and the low-poly mesh with them."""
+    high, low = meshes
+    asset, threads = Path(high.name).stem, options.threads
+    channels = encoded_channels(baked.maps, materials, asset, threads=threads)
+    for name in image_names(channels):
+        image = image_of(name, channels)
+        if image is None:  # one value all over, which is a factor
+            files.pop(name, None)
+            continue
+        if name == "orm" and options.target.packing == "mask-map":
+            _write_mask_map(image.data, files[name], options)
+            continue
+        with replacing(files[name]) as temporary:
+            temporary.write_bytes(image.data)
+    if "glb" not in files:
+        return
+    if not options.target.embeds:
+        write_mesh(low, files["glb"])
+        return
+    shared = shared_materials(low, high, materials, channels, asset, threads=threads)
+    write_glb(low, files["glb"], materials=shared)
+
+
+def _write_mask_map(orm: bytes, path: Path, options: RunOptions) -> None:
+    """Write the channels of an ORM image as Unity packs them."""
+    with scratch_folder() as folder:
+        image = folder / "orm.png"
+        image.write_bytes(orm)
+        parts = {
+            kind: SourceMap(kind, "", image, channel) for channel, kind in enumerate(PACKED["orm"])
+        }
+        exported = _export_options(options)
+        converter = Converter(folder=folder, asset=path.stem, options=exported)
+        converter.write_packed(parts, str(options.target.packing), path)
+
+
+def _export_options(options: RunOptions) -> ExportOptions:
+    assert options.preset is not None
+    return ExportOptions(to=options.preset, threads=options.threads)
+
+
+def _write_settings(
+    files: Mapping[str, Path], written: Mapping[str, WrittenMap], options: RunOptions
+) -> None:
+    """Write what to set in the program of the preset."""
+    maps = []
+    for name, found in written.items():
+        keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}
+        heights = {
+            word: float(found.metadata[key]) for word, key in keys.items() if key in found.metadata
+        }
+        maps.append(ExportedMap(kind=name, tile="", path=files[name], **heights))
+    packing = options.target.packing
+    for name in ("base_color", "orm", "emissive"):
+        if name in files:
+            kind = (packing or name) if name == "orm" else name.replace("_", "-")
+            maps.append(ExportedMap(kind=kind, tile="", path=files[name]))
+    mesh_file = files.get("glb") or files["mesh"]
+    write_settings(files["settings"].parent, _export_options(options), mesh_file, maps)
