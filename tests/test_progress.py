@@ -8,6 +8,7 @@ from itertools import count
 import pytest
 
 from texbake import progress
+from texbake.errors import CancelledError
 from texbake.progress import ProgressBar, Stages, peak_memory_bytes, process_times
 
 
@@ -37,6 +38,27 @@ def test_a_listener_hears_all_in_order():
         ("advanced", "cast rays", 10),
         ("finished", "cast rays"),
     ]
+
+
+def test_a_function_gets_the_share_that_is_done():
+    heard = []
+    stages = Stages(lambda stage, share: heard.append((stage, share)))
+    with stages.stage("cast", total=4) as advance:
+        advance(1)
+        advance(5)
+    with stages.stage("read"):
+        pass
+    assert heard == [("cast", 0.0), ("cast", 0.25), ("cast", 1.0), ("read", None)]
+
+
+def test_a_function_that_returns_false_cancels():
+    stages = Stages(lambda stage, share: share != 0.5)
+    with (
+        pytest.raises(CancelledError, match="cancelled while cast was running"),
+        stages.stage("cast", total=2) as advance,
+    ):
+        advance(1)
+    assert [record.name for record in stages.records] == ["cast"]
 
 
 def test_a_stage_that_fails_is_finished_too():

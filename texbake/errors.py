@@ -169,6 +169,10 @@ class MissError(TexbakeError):
     """More texels missed the high-poly mesh than the user allows."""
 
 
+class CancelledError(TexbakeError):
+    """A function given as `progress` returned False."""
+
+
 class ReadWarning(UserWarning):
     """A reader left out or replaced something in a file, and read the rest."""
 

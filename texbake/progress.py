@@ -1,7 +1,8 @@
 """Stages of long work: their progress for a listener, and their times for the report.
 
-A function that takes long accepts `progress`, an object with the three methods of `ProgressSink`,
-and opens a `Stages` on it. The times of the stages are kept for the report either way. Where a
+A function that takes long accepts `progress`, an object with the three methods of `ProgressSink` or
+one function, and opens a `Stages` on it. What a listener raises ends the work: that is how it is
+cancelled. The times of the stages are kept for the report either way. Where a
 command has opened `process_times`, each second of the process counts for exactly one stage.
 """
 
@@ -15,9 +16,12 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import Protocol, TextIO, runtime_checkable
+
+from texbake.errors import CancelledError
 
 
+@runtime_checkable
 class ProgressSink(Protocol):
     """Receives the progress of stages. The methods are called from one thread, in order."""
 
@@ -82,8 +86,41 @@ class ProgressBar:
         self._width = len(text)
 
 
-Progress = ProgressSink | bool | None
-"""What functions take as `progress`: a listener, True for a `ProgressBar`, or nothing."""
+class _Caller:
+    """Calls a function with each stage and the share of it that is done; False cancels."""
+
+    def __init__(self, function: Callable[[str, float | None], object]) -> None:
+        self._function = function
+        self._totals: dict[str, int | None] = {}
+
+    def started(self, stage: str, total: int | None, unit: str) -> None:
+        self._totals[stage] = total
+        self.advanced(stage, 0)
+
+    def advanced(self, stage: str, done: int) -> None:
+        total = self._totals[stage]
+        if self._function(stage, min(done / total, 1.0) if total else None) is False:
+            raise CancelledError(f"cancelled while {stage} was running")
+
+    def finished(self, stage: str, seconds: float) -> None:
+        pass
+
+
+Progress = ProgressSink | Callable[[str, float | None], object] | bool | None
+"""What functions take as `progress`: a listener, a function, True for a `ProgressBar`, or nothing.
+
+A function is called with the name of each stage and the share of it that is done, None where that
+is not known. Work ends with a `CancelledError` where it returns False, and with any error that it
+raises.
+"""
+
+
+def _sink_of(progress: Progress) -> ProgressSink | None:
+    if progress is True:
+        return ProgressBar()
+    if not progress:
+        return None
+    return progress if isinstance(progress, ProgressSink) else _Caller(progress)
 
 
 @dataclass(frozen=True)
@@ -165,7 +202,7 @@ class Stages:
 
     def __init__(self, sink: Progress = None) -> None:
         self._records: dict[str, StageRecord] = {}
-        self._sink: ProgressSink | None = ProgressBar() if sink is True else sink or None
+        self._sink = _sink_of(sink)
 
     @property
     def records(self) -> list[StageRecord]:
