@@ -56,13 +56,9 @@ class RunLevel:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunResult:
-    """What `run` made."""
+class Asset:
+    """A low-poly mesh and its maps, made from a high-poly mesh."""
 
-    # `mesh` (OBJ), `normal`, `displacement`, further maps, `glb` and `report`; `preview` and
-    # `compare`, the pictures, unless nothing was compared. With a preset only one of the meshes is
-    # there, and `settings`. Those of a coarser level of detail begin with `lod1_` and so on.
-    files: dict[str, Path]
     high: Mesh  # the high-poly mesh, facing outwards
     low: Mesh  # the low-poly mesh, with texture coordinates
     orientation: OrientationReport  # which parts of the high-poly mesh were flipped
@@ -72,6 +68,21 @@ class RunResult:
     simplified: SimplifyReport
     unwrapped: UnwrapReport
     baked: BakeResult
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know of the low-poly mesh, a sentence each."""
+        return (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunResult(Asset):
+    """What `run` made."""
+
+    # `mesh` (OBJ), `normal`, `displacement`, further maps, `glb` and `report`; `preview` and
+    # `compare`, the pictures, unless nothing was compared. With a preset only one of the meshes is
+    # there, and `settings`. Those of a coarser level of detail begin with `lod1_` and so on.
+    files: dict[str, Path]
     comparison: Comparison | None  # none if nothing was compared
     # time and memory of the stages, including writing their files
     stages: list[StageRecord] = field(default_factory=list)
@@ -81,9 +92,8 @@ class RunResult:
     @property
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
-        notes = (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
         worse = [] if self.comparison is None else comparison_warnings(self.comparison)
-        return [*worse, *self.missing, *notes, *self.baked.report.warnings]
+        return [*worse, *self.missing, *self.notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure, how closely the result matches first."""
@@ -171,6 +181,50 @@ def run(
     channels = () if materials is None else transferred_channels(materials)
     files, *others = files_of_levels(folder, high, channels, options)
     stages = Stages()
+    asset, coarser = make_asset(
+        high, options, low_name=mesh_name(files), materials=materials, stages=stages,
+        progress=progress,
+    )  # fmt: skip
+    high, low, baked = asset.high, asset.low, asset.baked
+    with stages.part("write maps"):
+        write_asset(baked, (high, low), materials, files, options, progress)
+    levels = []
+    for made, level_files in zip(coarser, others, strict=True):
+        with stages.part(f"level of {made.mesh.n_faces:,} triangles"):
+            padding = asset.unwrapped.options.padding or 0
+            scaled = options.at_level(low.n_faces, made.mesh.n_faces, padding)
+            level = _baked_level(high, made, materials, level_files, scaled, progress)
+            levels.append(level)
+    comparison = None
+    if options.compare != "off":
+        with stages.part("compare"):
+            comparison = _compared(high, low, baked, materials, files, options, progress)
+    result = RunResult(
+        files=with_levels(files, [level.files for level in levels]),
+        levels=tuple(levels),
+        comparison=comparison,
+        stages=stages.records,
+        **vars(asset),
+    )
+    write_report(files["report"], result.to_json())
+    return result
+
+
+def make_asset(
+    high: Mesh,
+    options: RunOptions,
+    *,
+    low_name: str,
+    materials: Materials | None,
+    stages: Stages,
+    progress: Progress,
+    must_reach: bool = True,
+) -> tuple[Asset, list[LowPoly]]:
+    """Simplify a mesh, unwrap the result and bake its maps; also return coarser levels of it.
+
+    All channels of the materials are baked. `stages` records the times of the parts. `must_reach`:
+    raise `MeshError` where more faces than requested are left.
+    """
     rule = LowNormals(options.normals, options.angle)
     with stages.part("simplify"):
         # The author of a model with images has seen it: one-sided cards are intended.
@@ -184,36 +238,22 @@ def run(
             high=high, rule=rule, n_faces=options.n_faces, error=options.error,
             quality=options.quality, seams="drop", threads=threads, progress=progress,
         )  # fmt: skip
-        low_poly = maker.make(options.remesh)
-    low = rule.before_unwrap(low_poly.mesh.replace(name=mesh_name(files)))
+        low_poly = maker.make(options.remesh, must_reach=must_reach)
+    low = rule.before_unwrap(low_poly.mesh.replace(name=low_name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
         low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
         low = rule.after_unwrap(low)
     with stages.part("levels") if options.levels else nullcontext():
         coarser = [maker.make_level(low, low_poly, n_faces) for n_faces in options.levels or ()]
+    channels = () if materials is None else transferred_channels(materials)
     with stages.part("bake"):
         chosen = low_poly.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         if low_poly.ray_distance is None:  # otherwise they miss what fills the tunnels
             baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
-    with stages.part("write maps"):
-        write_asset(baked, (high, low), materials, files, options, progress)
-    levels = []
-    for made, level_files in zip(coarser, others, strict=True):
-        with stages.part(f"level of {made.mesh.n_faces:,} triangles"):
-            padding = unwrapped.options.padding or 0
-            scaled = options.at_level(low.n_faces, made.mesh.n_faces, padding)
-            level = _baked_level(high, made, materials, level_files, scaled, progress)
-            levels.append(level)
-    comparison = None
-    if options.compare != "off":
-        with stages.part("compare"):
-            comparison = _compared(high, low, baked, materials, files, options, progress)
-    result = RunResult(
-        files=with_levels(files, [level.files for level in levels]),
-        levels=tuple(levels),
+    asset = Asset(
         high=high,
         low=low,
         orientation=orientation,
@@ -221,11 +261,8 @@ def run(
         simplified=low_poly.report,
         unwrapped=unwrapped,
         baked=baked,
-        comparison=comparison,
-        stages=stages.records,
     )
-    write_report(files["report"], result.to_json())
-    return result
+    return asset, coarser
 
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:
