@@ -1,5 +1,6 @@
 """The only list of the public names of the package; each is loaded when it is first used."""
 
+from .baking.atlas_points import AtlasPoints as AtlasPoints, atlas_points as atlas_points
 from .baking.bake import bake as bake, remap as remap
 from .baking.cage import fit_cage as fit_cage
 from .baking.options import BakeOptions as BakeOptions
@@ -15,6 +16,7 @@ from .errors import (
     ReadWarning as ReadWarning,
     TexbakeError as TexbakeError,
 )
+from .jobs.finish import Finished as Finished, finish as finish
 from .jobs.light_maps import bake_light_maps as bake_light_maps
 from .jobs.options import RunOptions as RunOptions
 from .jobs.run import run as run
@@ -63,5 +65,6 @@ from .texture.options import (
     HeightToNormalOptions as HeightToNormalOptions,
     NormalToHeightOptions as NormalToHeightOptions,
 )
+from .texture.padding import fill as fill
 
 __version__: str

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.errors import OptionError
-from texbake.texture.padding import nearest_owner, push_pull
+from texbake.texture.padding import fill, nearest_owner, push_pull
 
 
 @st.composite
@@ -99,3 +99,41 @@ def test_push_pull_follows_the_nearest_side():
     means = push_pull(values, mask)[..., 0].mean(axis=0)
     assert (np.diff(means) >= -1e-6).all()  # float32 of a mean of 32
     assert means[8] < 0.3 and means[23] > 0.7
+
+
+@given(chart_ids=charts(), padding=st.none() | st.integers(0, 30), kind=st.sampled_from("fIB?"))
+def test_fill_keeps_data_types_and_shapes(chart_ids, padding, kind):
+    known = chart_ids >= 0
+    rng = np.random.default_rng(0)
+    texels = rng.integers(0, 256, (*known.shape, 3)).astype(kind)
+    if kind == "f":
+        texels[~known] = np.nan  # is not read
+    filled = fill(texels, known.astype(np.uint8), padding=padding)
+    assert filled.dtype == texels.dtype and filled.shape == texels.shape
+    np.testing.assert_array_equal(filled[known], texels[known])
+    np.testing.assert_array_equal(fill(texels[..., 0], known, padding=padding), filled[..., 0])
+    if padding is not None:
+        sources = nearest_owner(np.where(known, 0, -1).astype(np.int32), padding).indices
+        reached = sources >= 0
+        np.testing.assert_array_equal(filled[reached], texels.reshape(-1, 3)[sources[reached]])
+        np.testing.assert_array_equal(filled[~reached], texels[~reached])
+    elif known.any() and kind != "?":
+        assert (filled >= texels[known].min(axis=0)).all()
+        assert (filled <= texels[known].max(axis=0)).all()
+    elif not known.any():
+        np.testing.assert_array_equal(filled, texels)
+
+
+def test_fill_does_not_change_its_input_and_says_what_does_not_fit():
+    texels = np.zeros((4, 6, 2), np.float16)
+    texels.flags.writeable = False
+    assert fill(texels, np.eye(4, 6)).dtype == np.float16
+    with pytest.raises(
+        OptionError, match=r"mask: its shape is \(6, 4\), that of the texels \(4, 6"
+    ):
+        fill(texels, np.eye(6, 4))
+    for wrong in (np.zeros(3), np.zeros((1, 2, 3, 4)), np.full((2, 2), "a"), None):
+        with pytest.raises(OptionError, match="texels: "):
+            fill(wrong, np.ones((2, 2)))
+    with pytest.raises(OptionError, match="padding: -1"):
+        fill(texels, np.eye(4, 6), padding=-1)

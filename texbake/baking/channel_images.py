@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,14 @@ import numpy.typing as npt
 
 from texbake.baking.hits import Float32Array, Hits
 from texbake.core import core, portable_math as pm
-from texbake.mesh.materials import CHANNELS, Channel, ChannelImage, ChannelSource, Placing
+from texbake.mesh.materials import (
+    CHANNELS,
+    Channel,
+    ChannelImage,
+    ChannelSource,
+    Placing,
+    SurfaceSampler,
+)
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
 from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
@@ -31,6 +39,23 @@ class MaterialPoints:
     barycentrics: Float32Array  # (n, 2) float32; weights of the second and third corner
     # By the set of texture coordinates and the placing: several channels share one.
     _places: dict[tuple[int, Placing], FloatArray] = field(default_factory=dict)
+    _sampled: dict[SurfaceSampler, Mapping[str, Float32Array]] = field(default_factory=dict)
+
+    def sampled(self, sampler: SurfaceSampler, inputs: BakeInputs) -> Mapping[str, Float32Array]:
+        """Return the values that a sampler computes at the points; those of all channels once."""
+        if sampler not in self._sampled:
+            surface, mesh = inputs.high_surface, inputs.high
+            weights: FloatArray = self.barycentrics.astype(np.float64)
+            corners = np.take(mesh.faces, self.faces, axis=0)
+            points = np.take(mesh.positions, corners[:, 0], axis=0)
+            points *= 1.0 - weights.sum(axis=1, keepdims=True)
+            for i in (1, 2):
+                points += np.take(mesh.positions, corners[:, i], axis=0) * weights[:, i - 1 : i]
+            vectors, corners = surface.normals
+            normals = np.empty((len(points), 3), np.float32)
+            core.interpolate_high_normals(self.faces, self.barycentrics, vectors, corners, normals)
+            self._sampled[sampler] = sampler.at(points, normals.astype(np.float64))
+        return self._sampled[sampler]
 
     def places(
         self, image: ChannelImage, uvs: FloatArray, uv_faces: IntArray, threads: int | None
@@ -155,6 +180,8 @@ def _source_values(
     channel: Channel, source: ChannelSource | None, points: MaterialPoints, inputs: BakeInputs
 ) -> Float32Array:
     """(n, C) float32, or (C,) for all points: a channel of one material."""
+    if source is not None and source.sampler is not None:
+        return points.sampled(source.sampler, inputs)[channel.name]
     factor = np.array(channel.default if source is None else source.factor, dtype=np.float32)
     if source is None or source.image is None:
         return factor

@@ -243,6 +243,12 @@ class BakeInputs:
             and any(source is not None for source in self.materials.sources("normal"))
         )
 
+    @property
+    def has_samplers(self) -> bool:
+        """Whether functions of the user compute channels, which are called from one thread."""
+        found = () if self.materials is None else self.materials.materials
+        return any(source.sampler for material in found for source in material.channels.values())
+
     def with_options(self, options: BakeOptions) -> BakeInputs:
         """Return the inputs with other options; what these do not change stays computed."""
         surface = self.high_surface

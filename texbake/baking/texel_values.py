@@ -85,9 +85,9 @@ class TexelSums:
             self._add_values(band, of_hits, self.n_hits, inputs)
 
         options = self._inputs.options
-        if options.samples == 1:
+        if options.samples == 1 and not inputs.has_samplers:
             run_bands(add, len(hits), band=_HITS_PER_BAND, threads=options.threads)
-        else:  # bands share texels, so that only the values of each are computed on all threads
+        else:  # bands share texels, or samplers are called, one band at a time
             run_bands(add, len(hits), band=_BAND, threads=1)
 
     def place(self, means: dict[MapKind, npt.NDArray[np.float32]], has_data: BoolArray) -> None:

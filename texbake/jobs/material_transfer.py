@@ -101,7 +101,8 @@ def constant_source(materials: Materials, channel: str) -> ChannelSource | None:
     is_of_vertices = materials.has_vertex_colors and channel in ("base-color", "alpha")
     default = CHANNELS[channel].default
     factors = {default if source is None else source.factor for source in sources}
-    if is_of_vertices or len(factors) > 1 or any(source and source.image for source in sources):
+    varies = any(source and (source.image or source.sampler) for source in sources)
+    if is_of_vertices or len(factors) > 1 or varies:
         return None
     return ChannelSource(factors.pop())
 

@@ -28,7 +28,7 @@ from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.seams import BoolArray
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
-from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.interchange import MeshLike, as_mesh, plain_array
 from texbake.mesh.mesh import Mesh, UvSet
 from texbake.progress import Progress, StageRecord, Stages
 
@@ -330,7 +330,7 @@ def parametrize(
     threads: int | None = None,
     **changes: Any,
 ) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]:
-    """Unwrap triangles, as `xatlas.parametrize` does: a project changes one import.
+    """Unwrap triangles, as `xatlas.parametrize` does; see also `texbake.compat.xatlas`.
 
     Parameters
     ----------
@@ -370,8 +370,8 @@ def parametrize(
     (4, 2)
     """
     mesh = Mesh(
-        positions=np.asarray(positions, dtype=np.float64),
-        faces=np.asarray(indices, dtype=np.int32),
+        positions=plain_array(positions, "positions"),
+        faces=plain_array(indices, "indices"),
         name="mesh",
     )
     unwrapped = unwrap(mesh, threads=threads, **changes)

@@ -10,7 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, counted, require_library, warn_of
+from texbake.errors import (
+    MeshError,
+    OptionError,
+    counted,
+    one_line,
+    quoted,
+    require_library,
+    warn_of,
+)
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts
 from texbake.mesh.mesh import Mesh
@@ -36,6 +44,28 @@ def as_mesh(value: MeshLike) -> Mesh:
 
         return read_mesh(value)
     return from_trimesh(value)
+
+
+def plain_array(value: Any, name: str) -> npt.NDArray[Any]:
+    """Return numbers of NumPy, torch or any like library as an array, shared where possible.
+
+    >>> plain_array([1.0, 2.0], "values").tolist()
+    [1.0, 2.0]
+    """
+    device = getattr(value, "device", None)
+    if getattr(device, "type", "cpu") != "cpu":
+        raise OptionError(f"{name}: it is a tensor on {device}; copy it first, with .cpu()")
+    try:
+        if hasattr(value, "detach"):  # otherwise torch refuses a tensor with a gradient
+            value = value.detach()
+        if not hasattr(value, "__array__") and hasattr(value, "numpy"):
+            value = value.numpy()
+        array = np.asarray(value)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise OptionError(f"{name}: it is not an array of numbers ({one_line(error)})") from error
+    if array.dtype.kind not in "biuf":
+        raise OptionError(f"{name}: it is not an array of numbers, but {quoted(value)}")
+    return array
 
 
 def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene, *, name: str | None = None) -> Mesh:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -84,9 +84,16 @@ class ChannelImage:
     is_nearest: bool = False  # whether a texel is one color up to its edges, as in pixel art
 
 
+class SurfaceSampler(Protocol):
+    """Computes values of one or several channels at points of a surface."""
+
+    def at(self, points: FloatArray, normals: FloatArray) -> Mapping[str, npt.NDArray[np.float32]]:
+        """Return linear values (n, C) of each channel at points (n, 3) in model units."""
+
+
 @dataclass(frozen=True)
 class ChannelSource:
-    """Where the values of a channel come from: factor times image plus offset."""
+    """Where the values of a channel come from: factor times image plus offset, or a sampler."""
 
     # Linear, as many numbers as the channel has. For `normal` it scales the vector that the image
     # encodes.
@@ -97,6 +104,7 @@ class ChannelSource:
     offset: float = 0.0
     # factor if the image turns out to be damaged; by default `factor`
     fallback: tuple[float, ...] | None = field(default=None, compare=False, repr=False)
+    sampler: SurfaceSampler | None = None  # computes the values instead
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import MeshError
 from texbake.mesh.compose import face_fields, turned_over, used_rows
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
@@ -68,6 +69,8 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
         mesh, counts["vertices merged"] = _merged(mesh)
     if options.degenerate:
         flat = degenerate_faces(mesh)
+        if flat.all():
+            raise MeshError(f"{mesh.name}: none of its {mesh.n_polygons:,} faces has an area")
         counts["faces without area"] = mesh.count_polygons(flat)
         mesh = _kept(mesh, ~flat)
     if options.duplicates:

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import OptionError
+from texbake.mesh.interchange import plain_array
 from texbake.parallel import run_bands
 
 # "No owner within reach" as an offset in texels, as in `core/padding.c`.
@@ -94,6 +95,66 @@ def push_pull(
     for (level, valid), (coarse, _) in zip(levels[-2::-1], levels[:0:-1], strict=True):
         _pull(level, valid, coarse, threads)
     return levels[0][0]
+
+
+def fill(
+    texels: npt.ArrayLike,
+    mask: npt.ArrayLike,
+    *,
+    padding: int | None = None,
+    threads: int | None = None,
+) -> npt.NDArray[Any]:
+    """Fill the texels of an image that have no data from those that have.
+
+    Parameters
+    ----------
+    texels : (H, W) or (H, W, C) numbers
+        The values to fill; those outside the mask are not read.
+    mask : (H, W)
+        Nonzero for texels with data, which keep their values.
+    padding
+        None fills every texel, smoothly (push-pull). With a number, each texel up to so many texels
+        away takes the value of the nearest one with data (dilation), and others keep theirs.
+
+    Returns
+    -------
+    array
+        Filled values, of the shape and type of `texels`; integers are rounded. If the mask is
+        empty, `texels` as they are.
+
+    Raises
+    ------
+    OptionError
+        The shapes do not fit, or the padding is out of range.
+
+    Examples
+    --------
+    >>> fill([[1.0, 0.0, 0.0, 3.0]], [[1, 0, 0, 1]], padding=1).tolist()
+    [[1.0, 1.0, 3.0, 3.0]]
+    """
+    values = plain_array(texels, "texels")
+    known = plain_array(mask, "mask") != 0
+    if values.dtype.kind not in "biuf" or values.ndim not in (2, 3):
+        raise OptionError(
+            f"texels: their shape is {values.shape}; give numbers (H, W) or (H, W, C)"
+        )
+    if known.shape != values.shape[:2]:
+        raise OptionError(
+            f"mask: its shape is {known.shape}, that of the texels {values.shape[:2]}"
+        )
+    if padding is not None:
+        charts = np.where(known, np.int32(0), np.int32(-1))
+        sources = nearest_owner(charts, padding, threads=threads).indices
+        flat = values.reshape(known.size, -1)
+        own = np.arange(known.size).reshape(known.shape)
+        return flat[np.where(sources < 0, own, sources)].reshape(values.shape)
+    images = np.where(known[..., np.newaxis], values.reshape(*known.shape, -1), 0)
+    filled = push_pull(images.astype(np.float32), known, threads=threads).reshape(values.shape)
+    if values.dtype.kind != "f":
+        filled = np.rint(filled)
+    kept = known if known.any() else np.ones_like(known)
+    kept = kept.reshape(known.shape + (1,) * (values.ndim - 2))
+    return np.where(kept, values, filled.astype(values.dtype))
 
 
 def _pushed(

@@ -1,0 +1,298 @@
+"""From the raw mesh of a generator to a finished model, in one call and without a file.
+
+arrays ─ repair ─ simplify or wrap ─ unwrap ─► bake ◄─ a function of points ─► GLB
+
+The steps are those of `run`. Colors and other channels come from a function that is called with
+points of the raw mesh, batch by batch: so sparse voxels, Gaussians, neural fields or photographs
+fill the texels where they are defined.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.baking.result import BakedMap
+from texbake.errors import OptionError, quoted
+from texbake.files import PathLike, check_writable
+from texbake.jobs.material_transfer import encoded_channels, shared_materials
+from texbake.jobs.options import RunOptions
+from texbake.jobs.outputs import check_mesh
+from texbake.jobs.run import Asset, make_asset
+from texbake.mesh.files.gltf_write import write_glb
+from texbake.mesh.interchange import plain_array
+from texbake.mesh.materials import CHANNELS, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.normals import smooth_normals
+from texbake.mesh.repair import repair
+from texbake.progress import Progress, StageRecord, Stages
+from texbake.texture.encoding import decode_srgb
+
+Sample = Callable[[FloatArray, FloatArray], Any]
+
+FINISH_OPTIONS = RunOptions(n_faces=10_000, compare="off")
+_PROBES = 16  # points with which the function is tried before the work begins
+# Names under which functions may return channels, beside those of `CHANNELS`.
+_SYNONYMS = {"color": "base-color", "opacity": "alpha"}
+_OF_WIDTHS = {1: ("base-color",), 3: ("base-color",), 4: ("base-color", "alpha")}
+# Values farther than this from [0, 1] are of another unit; closer ones are clipped.
+_FARTHEST = 1.0
+_LEVELS = 65535
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Finished(Asset):
+    """What `finish` made: `low` with texture coordinates, maps, and how they were made."""
+
+    materials: Materials  # of the low-poly mesh, with the maps as encoded images
+    stages: list[StageRecord]  # their times
+
+    def __repr__(self) -> str:
+        counts = f"{self.high.n_faces:,} to {self.low.n_faces:,} faces"
+        return f"<Finished {self.low.name}: {counts}, {', '.join(self.maps)}>"
+
+    @property
+    def mesh(self) -> Mesh:
+        """The low-poly mesh, with texture coordinates."""
+        return self.low
+
+    @property
+    def maps(self) -> dict[str, BakedMap]:
+        """The baked maps by their names: `normal`, `displacement`, and channels."""
+        return self.baked.maps
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should look at, a sentence each."""
+        return [*self.notes, *self.baked.report.warnings]
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Every figure as plain values, for `json.dump`."""
+        return {
+            "faces": [self.high.n_faces, self.low.n_faces],
+            "warnings": self.warnings,
+            "simplify": self.simplified.to_json(),
+            "unwrap": self.unwrapped.to_json(),
+            "bake": self.baked.report.to_json(),
+            "stages": [asdict(stage) for stage in self.stages],
+        }
+
+    def write(self, path: PathLike) -> Path:
+        """Write one GLB file with the mesh, its normal map and its channels."""
+        _check_output(path)
+        write_glb(self.low, path, materials=self.materials)
+        return Path(path)
+
+
+def finish(
+    vertices: npt.ArrayLike,
+    faces: npt.ArrayLike,
+    *,
+    sample: Sample | None = None,
+    linear: bool = False,
+    output: PathLike | None = None,
+    options: RunOptions | None = None,
+    name: str = "mesh",
+    progress: Progress = None,
+    **changes: Any,
+) -> Finished:
+    """Make a finished model from a generated mesh: few faces, an atlas, and maps.
+
+    The mesh is repaired, simplified, unwrapped and baked as by `run`. Where simplifying would tear
+    it, or most of it lies inside, a closed surface around it is simplified instead; an open mesh
+    stays open.
+
+    Parameters
+    ----------
+    vertices : (V, 3) floats
+        NumPy arrays, or tensors on the CPU; of any float type.
+    faces : (F, 3) integers
+        Indices into `vertices`, counter-clockwise seen from outside.
+    sample : function, optional
+        ``sample(points, normals)`` returns values at points of the raw mesh, in the space of
+        `vertices`; both arguments are (N, 3) float64, and normals point outwards. It returns colors
+        (N, 3), or (N, 4) with opacity, or a dictionary of channels by name: `base_color`, `alpha`
+        or `opacity`, `metallic`, `roughness`, `occlusion`, `emissive` and others of glTF. Values
+        lie in [0, 1], or are uint8. It is called from the thread of the caller, first with a few
+        points and then with up to 262,144 of them, in an order that never changes.
+    linear : bool
+        Whether the colors of `sample` are linear light. By default they are sRGB, as in images.
+    output : path, optional
+        The GLB file to write; `Finished.write` writes it later.
+    options, **changes
+        `RunOptions`, and fields to change in them, as in ``finish(..., n_faces=5000, size=1024)``.
+        By default 10,000 faces and maps of 2048 x 2048 texels. Nothing is compared.
+    progress
+        True shows a bar. A function is called with the name of each stage and the share of it that
+        is done; where it returns False, the work ends with a `CancelledError`.
+
+    Returns
+    -------
+    Finished
+        The same for any number of threads: `mesh`, `maps`, `report`, `warnings`, `write(path)`.
+
+    Raises
+    ------
+    MeshError
+        The arrays are not those of a mesh.
+    OptionError
+        `sample` returned something else than finite values for each point. What `sample` and
+        `progress` raise passes through unchanged.
+    UnwrapError
+        No face has an area.
+
+    Examples
+    --------
+    >>> from texbake.mesh.shapes import icosphere
+    >>> ball = icosphere(4)
+    >>> done = finish(
+    ...     ball.positions, ball.faces, n_faces=500, size=64,
+    ...     sample=lambda points, normals: (normals + 1.0) / 2.0,
+    ... )
+    >>> done
+    <Finished mesh: 5,120 to 500 faces, normal, displacement, base-color>
+    """
+    if output is not None:
+        _check_output(output)
+    chosen = replace(options or FINISH_OPTIONS, **changes)
+    raw = Mesh(
+        positions=plain_array(vertices, "vertices"), faces=plain_array(faces, "faces"), name=name
+    )
+    stages = Stages()
+    with stages.part("repair"), Stages(progress).stage("repair"):
+        high, _ = repair(raw)
+    material = MeshMaterial(name=name)
+    if sample is not None:
+        sampler = _Sampler(sample, linear)
+        found = sampler.probe(high)
+        channels = {key: ChannelSource(CHANNELS[key].default, sampler=sampler) for key in found}
+        mode = "blend" if "alpha" in found else "opaque"
+        material = replace(material, channels=channels, alpha_mode=mode)
+    else:
+        color = tuple(decode_srgb(np.array(chosen.base_color)).tolist())
+        material = replace(material, channels={"base-color": ChannelSource(color)})
+    materials = Materials(face_materials=np.zeros(high.n_faces, np.int32), materials=(material,))
+    asset = make_asset(
+        high, chosen, low_name=name, materials=materials, stages=stages, progress=progress,
+        must_reach=False,
+    )  # fmt: skip
+    with stages.part("encode images"), Stages(progress).stage("encode images"):
+        written = _encoded(asset, materials, chosen)
+    done = Finished(**vars(asset), materials=written, stages=stages.records)
+    if output is not None:
+        done.write(output)
+    return done
+
+
+def _check_output(path: PathLike) -> None:
+    if Path(path).suffix.lower() != ".glb":
+        raise OptionError(f"output: {path} is not a .glb file, which holds the mesh and its maps")
+    check_mesh(path)
+    check_writable(path)
+
+
+def _encoded(asset: Asset, materials: Materials, options: RunOptions) -> Materials:
+    """Return materials of the low-poly mesh, with the maps as images."""
+    high, low, threads = asset.high, asset.low, options.threads
+    channels = encoded_channels(asset.baked.maps, materials, low.name, threads=threads)
+    (material,) = materials.materials
+    if material.alpha_mode == "blend" and channels["alpha"] == ChannelSource((1.0,)):
+        material = replace(material, alpha_mode="opaque")
+    return shared_materials(
+        low, high, replace(materials, materials=(material,)), channels, low.name, threads=threads
+    )
+
+
+class _Sampler:
+    """Calls the function of a user, and checks what it returns."""
+
+    def __init__(self, function: Sample, linear: bool) -> None:
+        self._function, self._linear = function, linear
+        self._widths: dict[str, int] = {}  # channels that the function returned at first
+
+    def probe(self, mesh: Mesh) -> tuple[str, ...]:
+        """Call the function with a few vertices of a mesh; return the channels that it has."""
+        some = np.unique(np.linspace(0, mesh.n_vertices - 1, _PROBES).astype(np.intp))
+        normals = smooth_normals(mesh)[some]
+        found = self._call(mesh.positions[some].copy(), normals)
+        self._widths = {name: values.shape[1] for name, values in found.items()}
+        return tuple(self._widths)
+
+    def at(self, points: FloatArray, normals: FloatArray) -> Mapping[str, npt.NDArray[np.float32]]:
+        """Return linear values of each channel."""
+        if len(points) == 0:
+            return {name: np.zeros((0, n), np.float32) for name, n in self._widths.items()}
+        found = self._call(points, normals)
+        if set(found) != set(self._widths):
+            raise OptionError(
+                f"sample: it returned {', '.join(found)} after {', '.join(self._widths)}; return "
+                "the same channels each time"
+            )
+        return found
+
+    def _call(self, points: FloatArray, normals: FloatArray) -> dict[str, npt.NDArray[np.float32]]:
+        n = len(points)
+        answer = self._function(points, normals)
+        if not isinstance(answer, Mapping):
+            values = _checked(answer, "sample", n, tuple(_OF_WIDTHS))
+            answer = {"base-color": values[:, :3]}
+            if values.shape[1] == 4:
+                answer["alpha"] = values[:, 3:]
+        if not answer:
+            raise OptionError("sample: it returned no channel; return colors, or a dictionary")
+        found = {}
+        for key, value in answer.items():
+            name = str(key).replace("_", "-")
+            name = _SYNONYMS.get(name, name)
+            if name not in CHANNELS or name == "normal":
+                known = ", ".join(name for name in CHANNELS if name != "normal")
+                raise OptionError(f"sample: {quoted(key)} is not a channel; return some of {known}")
+            width = len(CHANNELS[name].default)
+            values = _checked(value, f"sample: {key}", n, (1, 3) if width == 3 else (1,))
+            found[name] = self._linear_values(name, np.broadcast_to(values, (n, width)))
+        return found
+
+    def _linear_values(self, name: str, values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+        channel = CHANNELS[name]
+        if channel.is_bounded or not self._linear:
+            least, most = float(values.min()), float(values.max())
+            if least < -_FARTHEST or most > 1.0 + _FARTHEST:
+                raise OptionError(
+                    f"sample: {name} has values from {least:.4g} to {most:.4g}; they must lie in "
+                    "[0, 1], or be uint8"
+                )
+            values = np.clip(values, 0.0, 1.0)
+        if channel.is_color and not self._linear:
+            values = _linear_light()[np.rint(values * _LEVELS).astype(np.uint16)]
+        return np.ascontiguousarray(values, np.float32)
+
+
+@cache
+def _linear_light() -> npt.NDArray[np.float32]:
+    """Linear values of sRGB levels: as exact as 16-bit images, and ten times as fast."""
+    return decode_srgb(np.arange(_LEVELS + 1) / _LEVELS).astype(np.float32)
+
+
+def _checked(value: Any, what: str, n: int, widths: tuple[int, ...]) -> npt.NDArray[Any]:
+    """Return finite values (n, C) of one of some widths; one number per point may be (n,)."""
+    values = plain_array(value, what)
+    if values.shape == (n,):
+        values = values[:, np.newaxis]
+    if values.ndim != 2 or len(values) != n or values.shape[1] not in widths:
+        wanted = " or ".join(f"({n}, {width})" for width in widths)
+        raise OptionError(
+            f"{what}: it returned the shape {values.shape} for {n} points, not {wanted}"
+        )
+    if values.dtype == np.uint8:
+        return values / 255.0
+    if not np.isfinite(values).all():
+        n_bad = int(np.count_nonzero(~np.isfinite(values).all(axis=1)))
+        raise OptionError(f"{what}: it returned NaN or infinity at {n_bad} of {n} points")
+    return values.astype(np.float64, copy=False)
