@@ -297,6 +297,7 @@ _FURTHER = (
     ("texbake.mapping", "`unwrap.unwrap_with_report`, `layout_svg.layout_svg`, ..."),
     ("texbake.texture", "`mipmaps.mip_chain`, `sample.sample_texture`, `pack`, `cube_map`, ..."),
     ("texbake.baking", "`texture.photos.bake_photos`, `texture.solid`, `hits_file`, ..."),
+    ("texbake.compat", "`xatlas`, with the names of xatlas-python"),
     ("texbake.rendering", "`scene.lights.Shadow`, `scene.material`, `compare_models`, ..."),
     ("texbake.pages", "`asset_page.write_bake_page`, `picture_pages.write_slider_page`"),
     ("texbake.study", "`study.run_study`, `bench.run.run_bench`"),

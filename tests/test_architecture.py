@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 # __init__.py, which points into every package.
 PACKAGES = (
     "", "core", "mesh", "mapping", "texture", "raycast", "sampling", "baking", "rendering",
-    "checks", "pages", "jobs", "verbs", "building", "study",
+    "checks", "pages", "jobs", "verbs", "building", "study", "compat",
 )  # fmt: skip
 # ... and these do not import each other.
 STRANGERS = {("baking", "rendering"), ("rendering", "baking")}

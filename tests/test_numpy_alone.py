@@ -43,6 +43,16 @@ maps = tuple(name for i, name in enumerate(MAP_NAMES) if not of_files[0] <= i < 
 for samples in 1, "adaptive":
     options = texbake.BakeOptions(size=32, maps=maps, samples=samples)
     texbake.bake(high, low, options).write(out / str(samples))
+done = texbake.finish(
+    high.positions, high.faces, n_faces=60, size=32, output=out / "done.glb",
+    sample=lambda points, normals: (normals + 1) / 2,
+)
+points = texbake.atlas_points(low, 32)
+filled = texbake.fill(points.positions, points.mask)
+texbake.write_image(np.clip(filled, 0, 1), out / "filled.png", color=False, bits=16)
+from texbake.compat import xatlas
+xatlas.export(str(out / "compat.obj"), high.positions, high.faces)
+assert len(xatlas.parametrize(high.positions, high.faces)) == 3
 assert texbake.check(low, high).findings is not None
 assert texbake.mesh_info(low).n_faces == low.n_faces
 """

@@ -306,6 +306,12 @@ def test_the_output_is_checked_before_the_work(ball, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
 
 
+def test_further_maps_are_baked_and_levels_are_not(ball):
+    assert "curvature" in finish(*ball, maps=("curvature",), **SMALL).maps
+    with pytest.raises(OptionError, match="levels: a finished model is one mesh"):
+        finish(*ball, levels=(100,), **SMALL)
+
+
 def n_borders(mesh):
     return int(np.count_nonzero(find_edges(mesh.faces).boundary))
 

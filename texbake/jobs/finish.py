@@ -162,6 +162,8 @@ def finish(
     if output is not None:
         _check_output(output)
     chosen = replace(options or FINISH_OPTIONS, **changes)
+    if chosen.levels:
+        raise OptionError("levels: a finished model is one mesh; use run for levels of detail")
     raw = Mesh(
         positions=plain_array(vertices, "vertices"), faces=plain_array(faces, "faces"), name=name
     )
@@ -179,7 +181,7 @@ def finish(
         color = tuple(decode_srgb(np.array(chosen.base_color)).tolist())
         material = replace(material, channels={"base-color": ChannelSource(color)})
     materials = Materials(face_materials=np.zeros(high.n_faces, np.int32), materials=(material,))
-    asset = make_asset(
+    asset, _ = make_asset(
         high, chosen, low_name=name, materials=materials, stages=stages, progress=progress,
         must_reach=False,
     )  # fmt: skip
