@@ -41,19 +41,31 @@ def print_info(
     return 0
 
 
-def print_check(
-    terminal: Terminal, result: JobResult[CheckReport], values: Mapping[str, Any]
-) -> int:
+def print_check(terminal: Terminal, result: JobResult[Any], values: Mapping[str, Any]) -> int:
     """Print the findings of a check and its verdict; return the exit code."""
+    from texbake.checks.report_formats import junit_of, sarif_of
+
     checked, fail_on = result.report, values["fail_on"]
-    if values["as_json"]:
+    reports: tuple[CheckReport, ...] = getattr(checked, "reports", (checked,))
+    form = "json" if values["as_json"] else values["form"]
+    if form == "json":
         say(json.dumps(checked.to_json(), indent=2, allow_nan=False))
+    elif form == "sarif":
+        say(json.dumps(sarif_of(reports), indent=2, allow_nan=False))
+    elif form == "junit":
+        say(junit_of(reports, None if fail_on == _NEVER else fail_on))
     else:
-        _print_findings(checked, terminal, explain=values["explain"])
-        terminal.wrote(result.files)
-        if not terminal.quiet:
-            say(_verdict_on_all(checked, SEVERITIES[0] if fail_on == _NEVER else fail_on))
-    return FAILED if fail_on != _NEVER and checked.fails(fail_on) else 0
+        for number, report in enumerate(reports):
+            if number and not terminal.quiet:
+                say("")
+            if len(reports) > 1 and report.findings:
+                say(report.file_of(None), bold=True)
+            _print_findings(report, terminal, explain=values["explain"])
+            if report is reports[-1]:
+                terminal.wrote(result.files)
+            if not terminal.quiet:
+                say(_verdict_on_all(report, SEVERITIES[0] if fail_on == _NEVER else fail_on))
+    return FAILED if fail_on != _NEVER and any(r.fails(fail_on) for r in reports) else 0
 
 
 def _print_findings(checked: CheckReport, terminal: Terminal, *, explain: bool) -> None:

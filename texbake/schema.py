@@ -235,7 +235,8 @@ def _option_field(kind: type, item: Field[Any]) -> OptionField:
     return OptionField(
         name=item.name,
         kinds=tuple(part for part in parts if part is not type(None)),
-        optional=type(None) in parts,
+        # The class chooses a value where the default is None and the type has none.
+        optional=type(None) in parts or default is None,
         option=described or Option(_described(kind).get(item.name, "")),
         default=default,
         checked=described is not None,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models import moved
-from texbake.checks.kinds import KINDS, CheckOptions
+from texbake.checks.kinds import BUDGET_KINDS, KINDS, CheckOptions
 from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, with_flat_normals
@@ -337,6 +337,7 @@ CASES = {
     kind: globals()[kind.replace("-", "_")]
     for kind in KINDS
     if kind not in ("unreadable", "undecided-intersections")
+    and KINDS[kind] not in BUDGET_KINDS  # see test_budget.py
 }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from texbake.checks import coordinates, orientation, surface
 from texbake.checks.bake_kinds import FACES, SEVERITIES
+from texbake.checks.budget import AssetFile, budget_findings
 from texbake.checks.checked_mesh import CheckedMesh, Finding, make_finding
 from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
 from texbake.checks.kinds import KINDS, CheckOptions
@@ -41,6 +42,7 @@ class CheckReport:
     options: CheckOptions
     findings: tuple[Finding, ...]  # the most severe first, then those that are allowed
     stages: list[StageRecord]
+    files: dict[str, str] = field(default_factory=dict)  # paths of `low` and `high`, where known
 
     def count(self, severity: str) -> int:
         """Return how many findings have a severity and are not allowed."""
@@ -62,6 +64,13 @@ class CheckReport:
     def finding(self, name: str) -> Finding | None:
         """Return the first finding of a kind, or None."""
         return next((finding for finding in self.findings if finding.name == name), None)
+
+    def file_of(self, finding: Finding | None) -> str:
+        """Return the path of the mesh of a finding, or of what is checked, or else its name."""
+        last = "low" if self.low is not None or "low" in self.files else "high"
+        role = last if finding is None else finding.mesh
+        mesh = self.low if role == "low" else self.high
+        return self.files.get(role) or ("mesh" if mesh is None else mesh.name)
 
     @property
     def has_layout(self) -> bool:
@@ -169,8 +178,10 @@ def check_files(
         except (FileFormatError, MeshError) as error:
             unreadable.append(make_finding("unreadable", role, 1, message=str(error)))
     if low is None and "low" in read and read["low"].uvs is None:
-        read = {"high": read["low"]}
-    return _check(read.get("low"), read.get("high"), options, unreadable, Stages(progress))
+        read, roles = {"high": read["low"]}, ["high"]
+    asset = AssetFile.of(paths[-1]) if options.profile and roles[-1] in read else None
+    report = _check(read.get("low"), read.get("high"), options, unreadable, Stages(progress), asset)
+    return replace(report, files={role: str(path) for role, path in zip(roles, paths, strict=True)})
 
 
 def _check(
@@ -179,6 +190,7 @@ def _check(
     options: CheckOptions,
     before: Iterable[Finding | None],
     stages: Stages,
+    asset: AssetFile | None = None,
 ) -> CheckReport:
     findings = list(before)
     checked_low = checked_high = owners = None
@@ -198,6 +210,9 @@ def _check(
             findings += _pair_findings(pair, owners)
             if not (pair.apart or pair.opposite):
                 findings += wall_findings(pair)
+    shown = checked_low or checked_high
+    if options.profile is not None and shown is not None:
+        findings += budget_findings(shown, asset)
     meshes = {"low": low, "high": high}
     there = [finding for finding in findings if finding is not None]
     judged = [_by_polygons(finding, meshes[finding.mesh]) for finding in there]

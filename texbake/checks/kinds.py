@@ -5,7 +5,7 @@ One table, read by the checks, the command line and the documentation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 from texbake.baking.options import PADDING_OPTION, BakeOptions
@@ -20,7 +20,8 @@ from texbake.checks.bake_kinds import (
 )
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.shared import TextureOptions
-from texbake.schema import THREADS_OPTION, option
+from texbake.schema import THREADS_OPTION, Size, option, option_of
+from texbake.targets import PROGRAMS
 
 _FILES = (
     Kind(
@@ -227,9 +228,51 @@ _SHADING = (
     ),
 )
 
+# With a profile only.
+BUDGET_KINDS = (
+    Kind(
+        name="too-many-triangles",
+        title="too many triangles",
+        unit=("triangle", "triangles"),
+        severity="error",
+        problem="An asset for {title} should have at most {most:,}.",
+        remedy="Simplify it: texbake simplify --faces {most}. Or make an asset of it: texbake run.",
+    ),
+    Kind(
+        name="large-images",
+        title="large images",
+        unit=("image", "images"),
+        severity="error",
+        problem="They are more than {most:,} texels wide or high: {names}.",
+        remedy="Bake them smaller: texbake lighten --size {most}.",
+    ),
+    Kind(
+        name="large-file",
+        title="large file",
+        unit=("file", "files"),
+        severity="error",
+        problem="With its images it has {size:.1f} MB. An asset for {title} should have at most "
+        "{most:.1f} MB.",
+        remedy="Make it smaller: texbake lighten.",
+    ),
+    Kind(
+        name="few-texels-per-meter",
+        title="few texels per meter",
+        unit=MESHES,
+        severity="warning",
+        problem="With a texture of {width} x {height} its surface has {density:.3g} texels per "
+        "meter on average, and less than {least:g} look blurred.",
+        remedy="Bake a larger texture, or scale a mesh whose unit is not the meter: texbake "
+        "transform --scale.",
+    ),
+)
+
 KINDS = {
     kind.name: kind
-    for kind in (*_FILES, *COORDINATE_KINDS, *TEXEL_KINDS, *PAIR_KINDS, *_SURFACE, *_SHADING)
+    for kind in (
+        *(*_FILES, *COORDINATE_KINDS, *TEXEL_KINDS, *PAIR_KINDS, *_SURFACE, *_SHADING),
+        *BUDGET_KINDS,
+    )
 }
 
 
@@ -237,7 +280,22 @@ KINDS = {
 class CheckOptions(TextureOptions):
     """The bake that a check is made for."""
 
-    padding: int = option(BakeOptions.padding, PADDING_OPTION)
+    profile: str | None = option(
+        None,
+        "Also check what this program expects: triangles, images, texels per meter and bytes; size "
+        "and padding that are not given are its own.",
+        choices=tuple(PROGRAMS),
+        default="none",
+    )
+    size: Size = option(  # type: ignore[assignment]
+        None,
+        replace(
+            option_of(TextureOptions, "size"), default=f"{TextureOptions.size}, or of the profile"
+        ),
+    )
+    padding: int = option(  # type: ignore[assignment]
+        None, replace(PADDING_OPTION, default=f"{BakeOptions.padding}, or of the profile")
+    )
     min_texel_density: float | None = option(
         None,
         "Texels per model unit that every face must have in its most stretched direction.",
@@ -257,6 +315,12 @@ class CheckOptions(TextureOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        target = None if self.profile is None else PROGRAMS[self.profile]
+        size = TextureOptions.size if target is None else target.size
+        padding = BakeOptions.padding if target is None else target.padding
+        for name, value in (("size", size), ("padding", padding)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
         for name in self.allow:
             if name not in KINDS:
                 near = get_close_matches(name, KINDS, n=1)

@@ -95,15 +95,13 @@ class RunOptions(CheckedOptions):
         low=MIN_FACES,
         default="none",
     )
-    # These and `convention` are never None once they are checked.
-    size: Annotated[
-        Size | None,
-        replace(option_of(BakeOptions, "size"), default=f"{OWN_FILES.size}, or of the preset"),
-    ] = None
+    size: Size = option(  # type: ignore[assignment]
+        None, replace(option_of(BakeOptions, "size"), default=f"{OWN_FILES.size}, or of the preset")
+    )
     padding: Annotated[
         int | None, replace(PADDING_OPTION, default=f"{PADDING_DEFAULT}; or of the preset")
     ] = None
-    bits: int | None = option(
+    bits: int = option(  # type: ignore[assignment]
         None,
         "Bits per channel of the normal map.",
         choices=BITS[:2],
@@ -118,7 +116,7 @@ class RunOptions(CheckedOptions):
     ] = None
     max_error: Annotated[str | None, option_of(BakeOptions, "max_error")] = None
     time_budget: Annotated[str | float | None, option_of(BakeOptions, "time_budget")] = None
-    convention: str | None = option(
+    convention: str = option(  # type: ignore[assignment]
         None,
         "Green channel of the normal map: +Y up (opengl) or +Y down (directx); in the GLB "
         "file it is always opengl.",
@@ -174,12 +172,10 @@ class RunOptions(CheckedOptions):
 
     def unwrap_options(self) -> UnwrapOptions:
         """Return how the low-poly mesh gets its texture coordinates."""
-        assert self.size is not None
         return UnwrapOptions(size=self.size, padding=self.padding, seams_at_hard_edges=True)
 
     def at_level(self, n_finest: int, n_faces: int, padding: int) -> RunOptions:
         """Return options for the maps of a coarser level, given the padding of the atlas."""
-        assert self.size is not None
         n_halvings = max(0, (n_finest // n_faces).bit_length() - 1) // 2
         size = scaled_size(self.size, n_halvings)
         padding = max(min(padding, 1), padding >> n_halvings)
@@ -192,7 +188,6 @@ class RunOptions(CheckedOptions):
 
         `padding` is the padding of the atlas.
         """
-        assert self.size is not None and self.convention is not None
         return BakeOptions(
             maps=tuple(dict.fromkeys((*self.own_maps, *channels))),
             size=self.size,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -29,11 +30,25 @@ if TYPE_CHECKING:
     from texbake.progress import Progress
 
 NEVER = "never"  # no finding fails
+FORMS = ("text", "json", "sarif", "junit")
+
+
+@dataclass(frozen=True)
+class CheckReports:
+    """What was found in meshes that were checked by themselves."""
+
+    reports: tuple[CheckReport, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all of it as plain values, for `json.dump`."""
+        return {"meshes": [report.to_json() for report in self.reports]}
 
 
 @verb(
     Reads("mesh"),
     Reads("low", argument=True, required=False),
+    Extra("more", nargs=-1, metavar="[MORE]..."),
+    Extra("--each", "Check each mesh by itself, instead of a pair.", is_flag=True),
     Options(CheckOptions, without=("threads",)),
     Extra(
         "--fail-on",
@@ -45,7 +60,14 @@ NEVER = "never"  # no finding fails
     Writes("layout", "picture", "Draw where the problems lie in the texture."),
     Writes("sides", "picture", "Draw where the problems lie on the meshes, seen from four sides."),
     Extra("--explain", "Explain warnings and notes as well as errors.", is_flag=True),
-    Extra("--json as_json", "Print JSON and nothing else.", is_flag=True),
+    Extra(
+        "--format form",
+        "Print this and nothing else: SARIF 2.1.0 for code scanning, JUnit's XML for CI.",
+        choices=FORMS,
+        default=FORMS[0],
+        show_default=True,
+    ),
+    Extra("--json as_json", "The same as --format json.", is_flag=True),
     REPORT,
     Options(CheckOptions, "threads"),
     examples="""
@@ -54,6 +76,7 @@ NEVER = "never"  # no finding fails
       texbake check scan.ply low_uv.obj --fail-on warning --report check.json
       texbake check low_uv.obj --allow overlapping-coordinates
       texbake check scan.ply low_uv.obj --layout layout.png --sides sides.png
+      texbake check chair.glb lamp.glb --each --profile gltf-web --format sarif
     """,
 )
 def check_files(
@@ -61,20 +84,31 @@ def check_files(
     low: PathLike | None = None,
     options: CheckOptions | None = None,
     *,
+    more: Sequence[PathLike] = (),
+    each: bool = False,
     layout: PathLike | None = None,
     sides: PathLike | None = None,
     report: PathLike | None = None,
     progress: Progress = None,
-) -> JobResult[CheckReport]:
+) -> JobResult[Any]:
     """Find problems of a bake before it runs.
 
     Checks MESH as a low-poly mesh, or as a high-poly one if it has no texture coordinates. With LOW
-    it checks the pair: MESH is the high-poly mesh that is going to be baked onto LOW. Exits with 1
-    if there are errors.
+    it checks the pair: MESH is the high-poly mesh that is going to be baked onto LOW. With --each
+    there may be any number of meshes, each of which is checked by itself. Exits with 1 if there are
+    errors.
     """
     from texbake.checks.check import check_files as read_and_check
     from texbake.jobs.outputs import JobResult, present_paths
 
+    if each:
+        if layout is not None or sides is not None:
+            raise OptionError("each: pictures show one mesh or one pair; leave one of them out")
+        paths = present_paths(mesh, low, *more)
+        found = [read_and_check(path, None, options, progress=progress) for path in paths]
+        return JobResult(files=(), report=CheckReports(tuple(found)))
+    if more:
+        raise OptionError("a pair has two meshes; give `each` to check each mesh by itself")
     checked = read_and_check(mesh, low, options, progress=progress)
     files, warnings = [], []
     if layout is not None and checked.has_layout:

@@ -1,0 +1,216 @@
+"""Profiles: what a program expects of an asset, and reports for programs that show findings."""
+
+import json
+import os
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import jsonschema
+import numpy as np
+import pytest
+import yaml
+
+from texbake import CheckOptions, check, write_image, write_mesh
+from texbake.checks.check import check_files
+from texbake.checks.kinds import KINDS
+from texbake.checks.report_formats import junit_of, sarif_of
+from texbake.mesh.shapes import icosphere, uv_sphere
+from texbake.targets import PROGRAMS
+
+ROOT = Path(__file__).parents[2]
+LIMITS = PROGRAMS["gltf-web"].limits
+WEB = CheckOptions(profile="gltf-web")
+# What SARIF 2.1.0 requires of the objects that are written, and the words of its enumerations.
+TEXT = {"type": "object", "required": ["text"], "properties": {"text": {"type": "string"}}}
+LEVEL = {"enum": ["none", "note", "warning", "error"]}
+SARIF = {
+    "type": "object",
+    "required": ["version", "runs"],
+    "properties": {
+        "version": {"const": "2.1.0"},
+        "runs": {
+            "type": "array",
+            "items": {
+                "required": ["tool"],
+                "properties": {
+                    "tool": {
+                        "required": ["driver"],
+                        "properties": {
+                            "driver": {
+                                "required": ["name"],
+                                "properties": {
+                                    "rules": {
+                                        "uniqueItems": True,
+                                        "items": {
+                                            "required": ["id"],
+                                            "properties": {
+                                                "shortDescription": TEXT,
+                                                "defaultConfiguration": {
+                                                    "properties": {"level": LEVEL}
+                                                },
+                                            },
+                                        },
+                                    }
+                                },
+                            }
+                        },
+                    },
+                    "results": {
+                        "items": {
+                            "required": ["message"],
+                            "additionalProperties": False,
+                            "properties": {
+                                "ruleId": {"type": "string"},
+                                "ruleIndex": {"type": "integer", "minimum": -1},
+                                "level": LEVEL,
+                                "message": TEXT,
+                                "locations": {"type": "array"},
+                                "properties": {"type": "object"},
+                                "suppressions": {
+                                    "items": {
+                                        "required": ["kind"],
+                                        "properties": {"kind": {"enum": ["inSource", "external"]}},
+                                    }
+                                },
+                            },
+                        }
+                    },
+                },
+            },
+        },
+    },
+}
+
+
+def names(report):
+    return {finding.name for finding in report.findings}
+
+
+@pytest.fixture
+def textured(tmp_path):
+    """Write a ball with an image of a width, as GLB."""
+
+    def write(width):
+        ball = uv_sphere(8, 12)
+        write_image(np.random.default_rng(0).random((4, width, 3)), tmp_path / "c.png", color=True)
+        path = tmp_path / f"ball {width}.glb"
+        write_mesh(ball, path, base_color=tmp_path / "c.png")
+        return path
+
+    return write
+
+
+def test_triangles_are_counted_exactly(monkeypatch):
+    ball = icosphere(2)
+    for most, is_too_many in ((ball.n_faces, False), (ball.n_faces - 1, True)):
+        limits = LIMITS.__class__(triangles=most)
+        monkeypatch.setitem(PROGRAMS, "gltf-web", _with(limits))
+        assert ("too-many-triangles" in names(check(ball, options=WEB))) == is_too_many
+
+
+def _with(limits):
+    return replace(PROGRAMS["gltf-web"], limits=limits)
+
+
+def test_images_and_bytes_are_those_of_the_file(textured, monkeypatch):
+    assert "large-images" not in names(check_files(textured(2048), options=WEB))
+    large = check_files(textured(2049), options=WEB)
+    assert large.finding("large-images").count == 1
+    path = textured(64)
+    size = path.stat().st_size
+    for most, is_large in ((size, False), (size - 1, True)):
+        monkeypatch.setitem(PROGRAMS, "gltf-web", _with(LIMITS.__class__(n_bytes=most)))
+        assert ("large-file" in names(check_files(path, options=WEB))) == is_large
+
+
+def test_texels_per_meter_follow_size_and_scale():
+    # The ball has an area of about 4 pi, and its coordinates fill the unit square.
+    ball = uv_sphere(32, 64)
+    density = 1024 / np.sqrt(4 * np.pi)
+    for factor, is_low in ((1.05, True), (0.95, False)):
+        grown = ball.replace(positions=factor * density / LIMITS.texels_per_meter * ball.positions)
+        assert ("few-texels-per-meter" in names(check(grown, options=WEB))) == is_low
+        larger = CheckOptions(profile="gltf-web", size=2048)
+        assert "few-texels-per-meter" not in names(check(grown, options=larger))
+
+
+def test_options_that_are_given_win_over_a_profile():
+    assert (WEB.size, WEB.padding) == (1024, 4)
+    own = CheckOptions(profile="gltf-web", size=256, padding=2)
+    assert (own.size, own.padding) == (256, 2)
+    assert (CheckOptions().size, CheckOptions().padding) == (1024, 4)
+    assert not {"large-file", "large-images"} & names(check(icosphere(1)))
+
+
+@pytest.fixture
+def reports(textured, tmp_path):
+    """Findings of all severities, an allowed one, and a file that is no mesh."""
+    (tmp_path / "not a.obj").write_text("f 1 2 x\n")
+    options = CheckOptions(profile="gltf-web", allow=("large-images",))
+    paths = (textured(2049), tmp_path / "not a.obj")
+    return [check_files(path, options=options) for path in paths]
+
+
+def test_sarif_has_what_its_schema_requires(reports):
+    log = json.loads(json.dumps(sarif_of(reports)))
+    jsonschema.validate(log, SARIF)
+    (run,) = log["runs"]
+    rules = run["tool"]["driver"]["rules"]
+    found = [finding for report in reports for finding in report.findings]
+    assert [result["ruleId"] for result in run["results"]] == [f.name for f in found]
+    assert all(rules[result["ruleIndex"]]["id"] == result["ruleId"] for result in run["results"])
+    suppressed = [result["ruleId"] for result in run["results"] if "suppressions" in result]
+    assert suppressed == ["large-images"]
+    uris = {result["locations"][0]["physicalLocation"]["artifactLocation"]["uri"]
+            for result in run["results"]}  # fmt: skip
+    assert len(uris) == 2 and not any(" " in uri for uri in uris)
+
+
+def test_junit_counts_what_fails(reports):
+    for fail_on in ("error", "note", None):
+        suites = ElementTree.fromstring(junit_of(reports, fail_on))
+        for suite, report in zip(suites, reports, strict=True):
+            assert int(suite.get("tests")) == len(suite)
+            failed = suite.findall("testcase/failure")
+            assert int(suite.get("failures")) == len(failed)
+            assert bool(failed) == (fail_on is not None and report.fails(fail_on))
+            assert len(suite.findall("testcase/skipped")) == report.n_allowed
+    empty = ElementTree.fromstring(junit_of([_clean()], "error"))
+    assert [case.get("name") for case in empty.iter("testcase")] == ["ready to bake"]
+
+
+def _clean():
+    return replace(check(icosphere(1)), findings=())
+
+
+def test_the_hook_takes_what_can_be_read_and_runs_what_there_is():
+    (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())
+    assert hook["id"] == "texbake-check" and hook["language"] == "python"
+    pattern = re.compile(hook["files"])
+    assert all(pattern.search(f"a/b{suffix}") for suffix in (".obj", ".GLB", ".usda", ".usdz"))
+    assert not pattern.search("a.py") and not pattern.search("objects")
+    assert hook["entry"].split()[:3] == ["texbake", "check", "--each"]
+
+
+def test_the_action_passes_its_inputs(tmp_path, textured):
+    action = yaml.safe_load((ROOT / "action.yml").read_text())
+    assert action["runs"]["using"] == "composite"
+    steps = action["runs"]["steps"]
+    used = set(re.findall(r"inputs\.([\w-]+)", json.dumps(steps)))
+    assert used == set(action["inputs"])
+    (check_step,) = (step for step in steps if step.get("name") == "Check")
+    given = {"path": "*.glb", "profile": "gltf-web", "format": "sarif", "output": "out.sarif"}
+    values = {name: item.get("default", "") for name, item in action["inputs"].items()} | given
+    environment = {key: values[re.search(r"inputs\.([\w-]+)", text)[1]]
+                   for key, text in check_step["env"].items()}  # fmt: skip
+    textured(64)
+    done = subprocess.run(
+        ["bash", "-e", "-c", check_step["run"]], cwd=tmp_path, env={**os.environ, **environment},
+        check=False, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode in (0, 1), done.stderr
+    assert json.loads((tmp_path / "out.sarif").read_text())["version"] == "2.1.0"
+    assert set(KINDS) >= names(check_files(tmp_path / "ball 64.glb", options=WEB))

@@ -1,0 +1,99 @@
+"""What a program can show of an asset, as findings: triangles, images, texels per meter, bytes.
+
+The limits are those of `texbake.targets`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from texbake.checks.checked_mesh import CheckedMesh, Finding
+from texbake.errors import FileFormatError, TexbakeError, first_few
+from texbake.files import PathLike
+from texbake.mapping.corner_uvs import has_measurable_uvs
+from texbake.targets import PROGRAMS
+from texbake.texture.image import image_shape
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetFile:
+    """What a model file holds besides its mesh."""
+
+    n_bytes: int  # with its buffers and images
+    images: dict[str, tuple[int, int]]  # width and height of those that can be read, by name
+    meters_per_unit: float = 1.0
+
+    @classmethod
+    def of(cls, path: PathLike) -> AssetFile:
+        """Measure a file; it has been read as a mesh before."""
+        from texbake.mesh.files.contents import read_contents
+        from texbake.mesh.files.gltf_document import read_document
+
+        n_bytes, suffix = Path(path).stat().st_size, Path(path).suffix.lower()
+        try:
+            contents = read_contents(path)
+        except TexbakeError:  # what is wrong with a material is not that of the mesh
+            contents = None
+        if contents is None:
+            return cls(n_bytes=n_bytes, images={})
+        data = {name: image for name, image in contents.images.items() if image is not None}
+        if suffix not in (".glb", ".usdz", ".fbx"):  # the others refer to them
+            n_bytes += sum(map(len, data.values()))
+        if suffix == ".gltf":
+            n_bytes += sum(
+                int(each.get("byteLength", 0)) for each in read_document(path).items("buffers")
+            )
+        images = {}
+        for name, image in data.items():
+            try:
+                images[name] = image_shape(image, name)[:2]
+            except FileFormatError:
+                continue
+        return cls(n_bytes=n_bytes, images=images, meters_per_unit=contents.meters_per_unit or 1.0)
+
+
+def budget_findings(checked: CheckedMesh, file: AssetFile | None) -> list[Finding | None]:
+    """Findings about a mesh that is more, or less, than the program of the profile can show."""
+    options, mesh = checked.options, checked.mesh
+    assert options.profile is not None
+    target = PROGRAMS[options.profile]
+    limits, images = target.limits, {} if file is None else file.images
+    found: list[Finding | None] = []
+    if limits.triangles is not None and mesh.n_faces > limits.triangles:
+        found.append(
+            checked.finding(
+                "too-many-triangles", mesh.n_faces, most=limits.triangles, title=target.title
+            )
+        )
+    large = [name for name, size in images.items() if max(size) > limits.texture]
+    found.append(
+        checked.finding(
+            "large-images", len(large), names=", ".join(first_few(large)), most=limits.texture
+        )
+    )
+    if file is not None and limits.n_bytes is not None and file.n_bytes > limits.n_bytes:
+        size, most = file.n_bytes / 1e6, limits.n_bytes / 1e6
+        found.append(checked.finding("large-file", 1, size=size, most=most, title=target.title))
+    largest = max(images.values(), key=math.prod, default=(options.width_px, options.height_px))
+    density = _texels_per_meter(checked, largest, 1.0 if file is None else file.meters_per_unit)
+    if limits.texels_per_meter is not None and density < limits.texels_per_meter:
+        found.append(
+            checked.finding(
+                "few-texels-per-meter", 1, density=density, least=limits.texels_per_meter,
+                width=largest[0], height=largest[1],
+            )
+        )  # fmt: skip
+    return found
+
+
+def _texels_per_meter(checked: CheckedMesh, size: tuple[int, int], meters_per_unit: float) -> float:
+    """Return the mean of a mesh; infinite where there is nothing to measure."""
+    if not (checked.has_coordinates and has_measurable_uvs(checked.mesh)):
+        return math.inf
+    area = float(checked.areas.sum()) / checked.scale**2 * meters_per_unit**2
+    texels = float(np.abs(checked.uv_areas).sum()) * math.prod(size)
+    return math.sqrt(texels / area) if area > 0.0 else math.inf
