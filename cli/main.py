@@ -18,7 +18,7 @@ from texbake.errors import heard_warnings
 from texbake.limits import raised_limits
 
 from .messages import COMMAND, failures_as_one_line
-from .signals import WRONG_USAGE
+from .signals import EXIT_CODES, WRONG_USAGE
 
 # Each with the first sentence of its help, so that the list of commands imports none of them.
 GROUPS = {
@@ -140,7 +140,11 @@ class LazyGroup(click.Group):
     \b
     Completion in bash (zsh and fish alike, with their names):
       eval "$(_TEXBAKE_COMPLETE=bash_source texbake)"
-    """,
+
+    \b
+    Exit codes:
+    """
+    + "".join(f"  {code:<9} {meaning}\n    " for code, meaning in EXIT_CODES.items()),
 )
 @click.version_option(__version__, prog_name="texbake")
 @click.option(

@@ -28,6 +28,7 @@ from .signals import FAILED, SIGNALED, WRONG_USAGE, Terminated, line_is_mine, ra
 
 _QUOTED = re.compile(r"`(\w+)(?:=([^`\s]+))?`")
 COMMAND = "texbake.command"  # where the context keeps the command line
+STREAMS = "texbake.streams"  # ... and the folder of files that stand for standard streams
 _FALSE, _QUOTES = "False", "\"'"
 
 
@@ -78,9 +79,14 @@ _UNSAFE = re.compile(
 def printable(text: str) -> str:
     r"""Return text with control characters as escapes: it moves no cursor and sets no color.
 
+    The folder of files that stand for standard streams is left out.
+
     >>> print(printable("red\x1b[31m"))
     red\x1b[31m
     """
+    context = click.get_current_context(silent=True)
+    if context is not None and STREAMS in context.meta:
+        text = text.replace(context.meta[STREAMS], "")
     return _UNSAFE.sub(lambda match: _escape(match[0]), text)
 
 
@@ -109,7 +115,7 @@ class Failure(click.ClickException):
     """A failure of a command, printed as one line."""
 
     def __init__(self, message: str, exit_code: int) -> None:
-        super().__init__(" ".join(line.strip() for line in message.splitlines()))
+        super().__init__(printable(" ".join(line.strip() for line in message.splitlines())))
         self.exit_code = exit_code  # type: ignore[misc]  # click reads it from the instance
 
     def show(self, file: IO[Any] | None = None) -> None:

@@ -26,6 +26,7 @@ from .options import (
     output_option,
 )
 from .printers import PRINTERS
+from .streams import format_options, standard_streams
 from .terminal import Terminal, terminal_options
 from .types import FileOf, Names, ViewParam
 
@@ -56,18 +57,22 @@ def command_of(verb: Verb) -> click.Command:
     """Return the command of a verb."""
 
     def command(terminal: Terminal, **values: Any) -> None:
-        with terminal.progress() as progress:
+        with standard_streams(verb, values) as named, terminal.progress() as progress:
             makers: dict[str, Callable[[], Any]] = {
                 "progress": lambda: progress, "command": command_line, "clock": terminal.clock,
             }  # fmt: skip
             context = {name: make() for name, make in makers.items() if verb.takes(name)}
-            result = verb.run(**_arguments(verb, values), **context)
+            result = verb.run(**_arguments(verb, named), **context)
         for warning in result.warnings:
             terminal.warn(warning)
         show = PRINTERS.get(verb.name)
         if show is None:
             terminal.summary(verb.table(result))
-            terminal.wrote(paths_of(result.files))
+            files = paths_of(result.files)
+            if named.get("output") == values.get("output"):
+                terminal.wrote(files)
+            elif beside := ", ".join(path.name for path in files[1:]):
+                terminal.warn(f"standard output: {beside} left out; only the mesh is there")
         elif exit_code := show(terminal, result, values):
             click.get_current_context().exit(exit_code)
 
@@ -76,13 +81,15 @@ def command_of(verb: Verb) -> click.Command:
     for part in reversed(verb.parts):
         add = _parameter(verb, part)(add)
     examples = textwrap.indent(cleandoc(verb.examples), "      ")
-    return click.command(
+    made = click.command(
         verb.name,
         cls=SectionedCommand,
         sections=verb.sections,
         common=verb.common,
         epilog=f"\n    \b\n    Example:\n{examples}\n    ",
     )(add)
+    made.params += format_options(verb)
+    return made
 
 
 def _arguments(verb: Verb, values: dict[str, Any]) -> dict[str, Any]:

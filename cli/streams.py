@@ -1,0 +1,130 @@
+"""`-` as the name of a mesh: the standard input, or the standard output.
+
+The mesh passes through a file in a temporary folder, whose name no message shows. With `-o -` only
+the mesh goes to the standard output; whatever else would be printed there goes to stderr.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout
+from pathlib import Path
+from typing import Any
+
+import click
+
+from texbake import FileError, OptionError
+from texbake.errors import FileFormatError
+from texbake.files import scratch_folder
+from texbake.mesh.files import MESH_SUFFIXES, WRITABLE_MESH_SUFFIXES
+from texbake.verbs.verb import Reads, Verb, Writes, paths_of
+
+from .messages import STREAMS
+
+_STREAM = Path("-")
+# What files of a format begin with; OBJ files begin with any statement.
+_BEGINNINGS = {
+    b"glTF": ".glb", b"ply": ".ply", b"OFF": ".off", b"solid": ".stl", b"Kaydara": ".fbx",
+    b"PXR-USDC": ".usdc", b"#usda": ".usda",
+}  # fmt: skip
+_STL_HEAD, _STL_FACE = 84, 50
+
+
+@contextmanager
+def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield values in which files stand for `-`; write the output once the block has ended."""
+    chosen = {**values, "from_format": None, "to_format": None}
+    reads = [part for part in verb.of_kind(Reads) if values.get(part.name) == _STREAM]
+    writes = [part for part in verb.of_kind(Writes) if values.get(part.name) == _STREAM]
+    if not (reads or writes) or any(part.kind != "mesh" for part in (*reads, *writes)):
+        _check_used(values, "from_format", "to_format")
+        yield dict(values)
+        return
+    if len(reads) > 1:
+        raise OptionError("two meshes cannot both be the standard input; name a file for one")
+    with scratch_folder() as folder:
+        click.get_current_context().meta[STREAMS] = f"{folder}/"
+        if reads:
+            chosen[reads[0].name] = _received(folder, values.get("from_format"))
+        if not writes:
+            _check_used(values, "to_format")
+            yield chosen
+            return
+        output = folder / f"stdout{_suffix_of_output(values, chosen, verb)}"
+        stream = sys.stdout.buffer
+        if stream.isatty():
+            raise OptionError("output: the standard output is a terminal; redirect it to a file")
+        click.get_current_context().with_resource(redirect_stdout(sys.stderr))
+        yield {**chosen, writes[0].name: output}
+        try:
+            with output.open("rb") as file:
+                shutil.copyfileobj(file, stream)
+            stream.flush()
+        except BrokenPipeError:  # the reader has closed the pipe, as `head` does
+            raise
+        except OSError as error:
+            raise FileError(f"standard output: cannot be written: {error.strerror}") from error
+
+
+def _check_used(values: Mapping[str, Any], *names: str) -> None:
+    for name in names:
+        if values.get(name) is not None:
+            raise OptionError(f"{name}: it is for -; the suffix of a file says its format")
+
+
+def _received(folder: Path, suffix: str | None) -> Path:
+    """Return a file with what the standard input holds."""
+    path = folder / "stdin"
+    with path.open("wb") as file:
+        shutil.copyfileobj(sys.stdin.buffer, file)
+    if path.stat().st_size == 0:
+        raise FileFormatError("standard input: it is empty; pipe a mesh into it")
+    return path.rename(path.with_suffix(f".{suffix}" if suffix else _sniffed(path)))
+
+
+def _sniffed(path: Path) -> str:
+    """Return the suffix of a mesh by how it begins."""
+    with path.open("rb") as file:
+        head = file.read(_STL_HEAD)
+    n_faces = int.from_bytes(head[-4:], "little")
+    if len(head) == _STL_HEAD and path.stat().st_size == _STL_HEAD + _STL_FACE * n_faces:
+        return ".stl"
+    for beginning, suffix in _BEGINNINGS.items():
+        if head.startswith(beginning):
+            return suffix
+    if b"\0" in head or head.startswith(b"{"):
+        raise FileFormatError("standard input: its format is not clear; name it: --from FORMAT")
+    return ".obj"
+
+
+def _suffix_of_output(values: Mapping[str, Any], chosen: Mapping[str, Any], verb: Verb) -> str:
+    """Return the suffix that is asked for, or else that of the input."""
+    if values.get("to_format") is not None:
+        return f".{values['to_format']}"
+    inputs = [path for part in verb.of_kind(Reads) for path in paths_of(chosen.get(part.name))]
+    suffix = inputs[0].suffix.lower() if inputs else ""
+    if suffix in WRITABLE_MESH_SUFFIXES:
+        return suffix
+    raise OptionError(f"output: {suffix or 'the format'} cannot be written; name one: --to FORMAT")
+
+
+def format_options(verb: Verb) -> list[click.Option]:
+    """Return the options of a command that takes a mesh and writes one, or only prints."""
+    reads = [part for part in verb.of_kind(Reads) if part.name == "mesh"]
+    outputs = [part.kind for part in verb.of_kind(Writes) if part.name == "output"]
+    if not reads or outputs not in ([], ["mesh"]):
+        return []
+    text = "Format of a mesh from the standard input, whose name is -.  [default: what it is]"
+    options = [_format_option("--from", text, MESH_SUFFIXES)]
+    if outputs:
+        text = "Format of a mesh for the standard output, -.  [default: that of the input]"
+        options.append(_format_option("--to", text, WRITABLE_MESH_SUFFIXES))
+    return options
+
+
+def _format_option(flag: str, text: str, suffixes: tuple[str, ...]) -> click.Option:
+    words = click.Choice([suffix.removeprefix(".") for suffix in suffixes])
+    name = f"{flag.removeprefix('--')}_format"
+    return click.Option([flag, name], type=words, metavar="FORMAT", help=text)
