@@ -86,9 +86,9 @@ def commands_page() -> str:
         "## Exit codes",
         table(("exit code", "meaning"), EXIT_CODES.items()),
         "## Standard input and output",
-        "Commands with `--from` read `-` as a mesh from the standard input; those with `--to` write "
-        "`-o -` to the standard output, and nothing else there: `cat scan.ply | texbake convert - "
-        "-o - --to glb > scan.glb`.",
+        "Commands with `--from` read `-` as a mesh from the standard input; those with `--to` "
+        "write `-o -` to the standard output, and nothing else there: `cat scan.ply | texbake "
+        "convert - -o - --to glb > scan.glb`.",
     ]
     for heading, names in GROUPS.items():
         parts.append(f"## {heading}")
