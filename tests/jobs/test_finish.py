@@ -11,7 +11,7 @@ from texbake import TexbakeError, finish
 from texbake.core import core
 from texbake.errors import CancelledError, MeshError, OptionError
 from texbake.mesh.shapes import icosphere
-from texbake.mesh.topology import find_edges
+from texbake.mesh.topology import face_components, find_edges
 from texbake.texture.model_materials import model_materials
 
 SMALL = {"n_faces": 300, "size": 64}
@@ -310,6 +310,35 @@ def test_further_maps_are_baked_and_levels_are_not(ball):
     assert "curvature" in finish(*ball, maps=("curvature",), **SMALL).maps
     with pytest.raises(OptionError, match="levels: a finished model is one mesh"):
         finish(*ball, levels=(100,), **SMALL)
+
+
+@pytest.mark.parametrize(
+    "radius, options, n_kept",
+    [
+        (0.01, {}, 1),  # 30 parts with less than a triangle's area each
+        (0.05, {}, 31),
+        (0.05, {"least_part": 0.01}, 1),
+        (0.01, {"least_part": 0.0}, 31),
+        (1.0, {"least_part": 1.0}, 31),  # all are as large as the largest
+    ],
+)
+def test_flying_bits_are_left_out(radius, options, n_kept):
+    ball, bit = icosphere(4), icosphere(1)
+    ball = ball if radius < 1.0 else bit
+    places = np.concatenate([np.mgrid[0:6, 0:5].reshape(2, -1).T, np.full((30, 1), 2)], axis=1) * 3
+    bits = bit.positions[None] * radius + places[:, None]
+    vertices = np.concatenate([ball.positions, bits.reshape(-1, 3)])
+    starts = ball.n_vertices + bit.n_vertices * np.arange(30)[:, None, None]
+    faces = np.concatenate([ball.faces, (bit.faces + starts).reshape(-1, 3)])
+    done = finish(vertices, faces, **{"n_faces": 1000, "size": 256}, **options)
+    assert face_components(done.high.faces, done.high.n_vertices)[1] == n_kept
+    said = [line for line in done.warnings if "left out 30 parts" in line]
+    assert len(said) == (n_kept == 1)
+
+
+def test_a_negative_least_part_is_an_error(ball):
+    with pytest.raises(OptionError, match="least_part: -1 is too small"):
+        finish(*ball, least_part=-1)
 
 
 def n_borders(mesh):

@@ -19,18 +19,21 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, counted, quoted, require_least
 from texbake.files import PathLike, check_writable
 from texbake.jobs.material_transfer import encoded_channels, shared_materials
 from texbake.jobs.options import RunOptions
 from texbake.jobs.outputs import check_mesh
 from texbake.jobs.run import Asset, make_asset
+from texbake.mapping.corner_uvs import surface_areas
+from texbake.mesh.compose import face_fields
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.interchange import plain_array
 from texbake.mesh.materials import CHANNELS, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.repair import repair
+from texbake.mesh.topology import face_components
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.texture.encoding import decode_srgb
 
@@ -44,6 +47,7 @@ _OF_WIDTHS = {1: ("base-color",), 3: ("base-color",), 4: ("base-color", "alpha")
 # Values farther than this from [0, 1] are of another unit; closer ones are clipped.
 _FARTHEST = 1.0
 _LEVELS = 65535
+_MOST_LEFT_OUT = 0.01  # of the area, where the user does not ask for more
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -51,6 +55,7 @@ class Finished(Asset):
     """What `finish` made: `low` with texture coordinates, maps, and how they were made."""
 
     materials: Materials  # of the low-poly mesh, with the maps as encoded images
+    bits: tuple[str, ...]  # a sentence on the parts that were left out, if any were
     stages: list[StageRecord]  # their times
 
     def __repr__(self) -> str:
@@ -70,7 +75,7 @@ class Finished(Asset):
     @property
     def warnings(self) -> list[str]:
         """What the user should look at, a sentence each."""
-        return [*self.notes, *self.baked.report.warnings]
+        return [*self.bits, *self.notes, *self.baked.report.warnings]
 
     @property
     def report(self) -> dict[str, Any]:
@@ -97,6 +102,7 @@ def finish(
     *,
     sample: Sample | None = None,
     linear: bool = False,
+    least_part: float | None = None,
     output: PathLike | None = None,
     options: RunOptions | None = None,
     name: str = "mesh",
@@ -124,6 +130,10 @@ def finish(
         points and then with up to 262,144 of them, in an order that never changes.
     linear : bool
         Whether the colors of `sample` are linear light. By default they are sRGB, as in images.
+    least_part : float, optional
+        Parts with a smaller share of the surface area are left out, unless they are half as large
+        as the largest. By default those that are smaller than a triangle of the result, if they
+        make up no more than a hundredth of the area; 0 keeps all.
     output : path, optional
         The GLB file to write; `Finished.write` writes it later.
     options, **changes
@@ -162,6 +172,8 @@ def finish(
     if output is not None:
         _check_output(output)
     chosen = replace(options or FINISH_OPTIONS, **changes)
+    if least_part is not None:
+        require_least("least_part", least_part, 0)
     if chosen.levels:
         raise OptionError("levels: a finished model is one mesh; use run for levels of detail")
     raw = Mesh(
@@ -169,7 +181,7 @@ def finish(
     )
     stages = Stages()
     with stages.part("repair"), Stages(progress).stage("repair"):
-        high, _ = repair(raw)
+        high, bits = _without_bits(repair(raw)[0], least_part, chosen.n_faces)
     material = MeshMaterial(name=name)
     if sample is not None:
         sampler = _Sampler(sample, linear)
@@ -187,10 +199,28 @@ def finish(
     )  # fmt: skip
     with stages.part("encode images"), Stages(progress).stage("encode images"):
         written = _encoded(asset, materials, chosen)
-    done = Finished(**vars(asset), materials=written, stages=stages.records)
+    done = Finished(**vars(asset), materials=written, bits=bits, stages=stages.records)
     if output is not None:
         done.write(output)
     return done
+
+
+def _without_bits(
+    mesh: Mesh, least: float | None, n_faces: int | None
+) -> tuple[Mesh, tuple[str, ...]]:
+    """Leave out the small parts of a mesh, and say so."""
+    parts, _ = face_components(mesh.faces, mesh.n_vertices)
+    areas = surface_areas(mesh.positions[mesh.faces])
+    shares = np.bincount(parts, areas) / areas.sum()
+    small = shares < min(
+        1.0 / (n_faces or mesh.n_faces) if least is None else least, shares.max() / 2.0
+    )
+    left_out = float(shares[small].sum())
+    if not small.any() or (least is None and left_out > _MOST_LEFT_OUT):
+        return mesh, ()
+    n_small = counted(int(small.sum()), "part")
+    note = f"left out {n_small} with {100.0 * left_out:.2g} % of the area; least_part 0 keeps them"
+    return mesh.replace(**face_fields(mesh, ~small[parts])), (f"{mesh.name}: {note}",)
 
 
 def _check_output(path: PathLike) -> None:
@@ -221,9 +251,9 @@ class _Sampler:
 
     def probe(self, mesh: Mesh) -> tuple[str, ...]:
         """Call the function with a few vertices of a mesh; return the channels that it has."""
-        some = np.unique(np.linspace(0, mesh.n_vertices - 1, _PROBES).astype(np.intp))
+        some = mesh.faces[np.linspace(0, mesh.n_faces - 1, _PROBES).astype(np.intp), 0]
         normals = smooth_normals(mesh)[some]
-        found = self._call(mesh.positions[some].copy(), normals)
+        found = self._call(mesh.positions[some], normals)
         self._widths = {name: values.shape[1] for name, values in found.items()}
         return tuple(self._widths)
 
