@@ -215,6 +215,31 @@ def run(*, count=200, first=0, limit=300, least=0, most=MOST, programs=PROGRAMS,
     summary(rows)
 
 
+def picture(*, path="docs/images/generated-meshes.png", seed=18, size=480):
+    """Draw a raw mesh and its finished model side by side."""
+    import texbake
+
+    def colors(points, normals):
+        waves = np.sin(18 * points)
+        return 0.5 + 0.3 * waves * np.roll(waves, 1, axis=1)
+
+    with tempfile.TemporaryDirectory() as folder:
+        made(f"{folder}/mesh.npz", seed)
+        arrays = np.load(f"{folder}/mesh.npz")
+        raw = texbake.Mesh(positions=arrays["vertices"], faces=arrays["faces"])
+        texbake.write_mesh(raw, f"{folder}/raw.ply")
+        texbake.finish(
+            raw.positions, raw.faces, n_faces=4000, size=1024, sample=colors, least_part=0.005,
+            output=f"{folder}/done.glb",
+        )  # fmt: skip
+        drawn = []
+        for name in ("raw.ply", "done.glb"):
+            command = ["texbake", "preview", f"{folder}/{name}", "-o", f"{folder}/drawn.png"]
+            subprocess.run([*command, "--size", str(size), "--quiet"], check=True)
+            drawn.append(texbake.read_image(f"{folder}/drawn.png", color=True).pixels)
+    texbake.write_image(np.concatenate(drawn, axis=1), path, color=True, bits=8)
+
+
 def summary(rows):
     """Print a table of both programs."""
     row = table("program", "meshes", "finished", "closed or open as before", "seconds, median",
@@ -238,4 +263,4 @@ def read(*, log="generated.jsonl"):
 
 
 if __name__ == "__main__":
-    run_commands(globals(), run, read)
+    run_commands(globals(), run, read, picture)
