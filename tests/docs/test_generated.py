@@ -58,7 +58,7 @@ def code_of(page, *, size=64):
     code = "\n".join(_BLOCK.findall((HOW_TO / page).read_text("utf-8")))
     code = re.sub(r"\bsize=\d+", f"size={size}", code)
     code = re.sub(r"(points\(done\.mesh|resolution = 4), \d+", rf"\1, {size}", code)
-    code = re.sub(r"\bn_faces=[\d_]+, ", "", code)
+    code = re.sub(r"\bn_faces=[\d_]+,\s*", "", code)
     return code.replace("texbake.finish(", "finish(")
 
 
