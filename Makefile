@@ -4,7 +4,7 @@ PYTHON ?= python3
 WHEELS = $(shell cd texbake/core && $(PYTHON) -c \
   'import compile_core; print(*(target.wheel_tag for target in compile_core.TARGETS))')
 
-.PHONY: core wheels release
+.PHONY: core wheels extension release
 
 # The core for this machine, beside its sources.
 core:
@@ -17,7 +17,12 @@ wheels:
 	done
 	rm -rf build
 
-# What a release uploads: the wheels, and the sources from which pip builds where no wheel fits.
+# The extension for Blender, one zip file a platform, into dist/blender/.
+extension: wheels
+	$(PYTHON) integrations/blender/build.py dist/*.whl -o dist/blender
+
+# What a release uploads: the wheels, the extension, and the sources from which pip builds where no
+# wheel fits.
 # Needs the package `build`.
-release: wheels
+release: extension
 	$(PYTHON) -m build --sdist --outdir dist

@@ -1,0 +1,322 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The tasks of the worker: meshes of Blender as arrays in, and arrays and images in a folder out.
+
+All lengths are those of the space of an object. A task ends with a line that says what is done.
+"""
+
+import json
+import time
+
+import numpy as np
+
+from texbake.baking.bake import bake as baked_maps
+from texbake.baking.options import BakeOptions
+from texbake.checks.check import check as checked
+from texbake.checks.kinds import CheckOptions
+from texbake.errors import MeshError
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.unwrap import unwrap_together
+from texbake.mesh.compose import join_parts, transformed
+from texbake.mesh.hard_edges import inner_edges, normals_jump
+from texbake.mesh.mesh import Mesh, UvSet
+from texbake.mesh.options import RemeshOptions
+from texbake.mesh.remesh import remesh_with_report
+from texbake.mesh.simplify import simplify_with_report
+from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
+from texbake.raycast.orientation import oriented
+from texbake.targets import PROGRAMS
+
+_MOST_TRIES = 4  # of an unwrap that keeps polygons whole
+
+
+def tell(**values):
+    """Print one line for the process that waits."""
+    print(json.dumps(values), flush=True)
+
+
+class Told:
+    """Tells the progress of stages, ten times per second at most."""
+
+    def __init__(self):
+        self._totals, self._last = {}, 0.0
+
+    def started(self, stage, total, unit):
+        """Tell that a stage has begun."""
+        self._totals[stage] = total
+        tell(stage=stage)
+
+    def advanced(self, stage, done):
+        """Tell how much of a stage is done."""
+        total, now = self._totals.get(stage), time.monotonic()
+        if total and now - self._last > 0.1:
+            self._last = now
+            tell(stage=stage, fraction=done / total)
+
+    def finished(self, stage, seconds):
+        """Forget a stage."""
+        self._totals.pop(stage, None)
+
+
+def mesh_of(arrays, *, groups=False):
+    """Return a texbake mesh in the object's own space; `groups`: of its materials."""
+    name, triangles = str(arrays["name"]), arrays["triangles"]
+    if len(triangles) == 0:
+        raise MeshError(f"{name}: it has no faces")
+    faces, positions, fields = arrays["vertices"][triangles], arrays["positions"], {}
+    colors = arrays.get("colors")
+    if "corner_colors" in arrays:  # a vertex for each color of a vertex
+        colors = arrays["corner_colors"]
+        rows = np.column_stack([arrays["vertices"], colors.view(np.int32)])
+        _, firsts, ids = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        positions, colors = positions[arrays["vertices"][firsts]], colors[firsts]
+        faces = ids.reshape(-1)[triangles]
+    if colors is not None:
+        fields["colors"] = np.clip(colors, 0.0, 1.0)
+    if "uv0" in arrays:
+        further = enumerate(arrays["uv_names"][1:].tolist(), start=1)
+        fields |= {
+            "uvs": arrays["uv0"],
+            "uv_faces": triangles,
+            "uv_sets": {title: UvSet(arrays[f"uv{n}"], triangles) for n, title in further},
+        }
+    if groups:
+        materials = arrays["materials"][arrays["polygon_of"]]
+        fields["face_groups"] = materials
+        fields["group_names"] = tuple(map(str, range(int(materials.max()) + 1)))
+    return Mesh(
+        positions=positions,
+        faces=faces,
+        normals=arrays["normals"],
+        normal_faces=triangles,
+        polygon_of=arrays["polygon_of"],
+        name=name,
+        **fields,
+    )
+
+
+def joined(meshes):
+    """Put meshes into one, each as an object of its own."""
+    named = [
+        mesh.replace(face_groups=mesh.faces[:, 0] * 0, group_names=(mesh.name,), uv_sets={})
+        for mesh in meshes
+    ]
+    return named[0] if len(named) == 1 else join_parts(named, f"{len(named)} objects")
+
+
+def in_space_of(every, matrix):
+    """Return the meshes of objects in the space of another object."""
+    moved = []
+    for arrays in every:
+        mesh = mesh_of(arrays)
+        if not (arrays["matrix"] == matrix).all():
+            mesh = transformed(mesh, np.linalg.solve(matrix, arrays["matrix"]))
+        moved.append(mesh)
+    return moved
+
+
+def bake(folder, options, high, low, cage=()):
+    """Bake maps, and write them as images."""
+    program = PROGRAMS[options.pop("target")]
+    matrix = low[0]["matrix"]
+    chosen = BakeOptions(
+        **{**options, "maps": tuple(options["maps"])},
+        convention=program.convention,
+        vertex_colors="linear",
+    )
+    cages = in_space_of(cage, matrix)
+    result = baked_maps(
+        joined(in_space_of(high, matrix)), mesh_of(low[0]), chosen,
+        cage=cages[0] if cages else None, progress=Told(),
+    )  # fmt: skip
+    tell(stage="write")
+    maps = []
+    for name, baked in result.maps.items():
+        bits = None  # as many as PNG has
+        if program is not PROGRAMS["blender"] and baked.kind.coding not in ("height", "vector"):
+            bits = program.normal_bits if baked.kind.coding == "normal" else 8
+        written = baked.write(folder / f"{name}.png", bits=bits)
+        maps.append({
+            "name": name, "file": f"{name}.png", "coding": baked.kind.coding,
+            "title": program.map_stem(str(low[0]["name"]), name),
+            "metadata": {key: str(value) for key, value in written.metadata.items()},
+            "convention": program.convention,
+            "height": _height(written.metadata) if baked.kind.coding == "height" else None,
+        })  # fmt: skip
+    report = result.report
+    tell(
+        warnings=list(report.warnings),
+        done={"maps": maps, "miss_percent": report.miss_percent, "uv": str(low[0]["uv_names"][0])},
+    )
+
+
+def _height(metadata):
+    """Return the mid level and the scale of a height map."""
+    return [float(metadata[DISPLACEMENT_MID]), float(metadata[DISPLACEMENT_SCALE])]
+
+
+def marked_edges(arrays, mesh, kinds):
+    """Return the marked edges of some kinds that faces use, (n, 2); None where there are none."""
+    edges = np.concatenate([np.empty((0, 2), np.int32), *(arrays[kind] for kind in kinds)])
+    sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    keys, used = (np.sort(rows, axis=1).astype(np.int64) @ [1 << 32, 1] for rows in (edges, sides))
+    return edges[np.isin(keys, used)] if len(edges) else None
+
+
+def split_polygons(mesh, corners):
+    """Return which polygons have corners with several texture coordinates: Blender has none such.
+
+    `corners` (n, 2): a coordinate of each of Blender's corners, which `mesh.normal_faces` index.
+    """
+    differ = (corners[mesh.normal_faces] != mesh.corner_uvs()).any(axis=(1, 2))
+    return mesh.polygon_numbers[differ]
+
+
+def detached(mesh, polygons):
+    """Return a mesh with some polygons moved away a little, so that nothing is joined to them."""
+    chosen = np.isin(mesh.polygon_numbers, polygons)
+    owners = np.repeat(mesh.polygon_numbers[chosen], 3)
+    pairs = np.stack([owners, mesh.faces[chosen].ravel()], axis=1)
+    pairs, numbers = np.unique(pairs, axis=0, return_inverse=True)
+    faces = mesh.faces.copy()
+    faces[chosen] = mesh.n_vertices + numbers.reshape(-1, 3)
+    # Far enough for the grid of 2^20 cells that charts are cut on.
+    steps = 1 + np.searchsorted(np.unique(owners), pairs[:, :1]) % 7
+    points = mesh.positions[pairs[:, 1]] + steps * np.ptp(mesh.bounds, axis=0).max() * 2.0**-18
+    return mesh.replace(
+        positions=np.concatenate([mesh.positions, points]), faces=faces,
+        polygon_of=mesh.polygon_of, uv_sets=mesh.uv_sets, colors=None,
+    )  # fmt: skip
+
+
+def unwrap(folder, options, mesh):
+    """Write texture coordinates by corner."""
+    kinds, meshes = options.pop("kinds"), [mesh_of(arrays) for arrays in mesh]
+    for _ in range(_MOST_TRIES):
+        results = unwrap_together(
+            meshes, UnwrapOptions(**options), progress=Told(),
+            seams=[marked_edges(*pair, kinds) for pair in zip(mesh, meshes, strict=True)],
+        )  # fmt: skip
+        corners = [np.zeros((len(arrays["vertices"]), 2)) for arrays in mesh]
+        for uvs, (result, _) in zip(corners, results, strict=True):
+            uvs[result.normal_faces] = result.corner_uvs()
+        split = [split_polygons(r, uvs) for uvs, (r, _) in zip(corners, results, strict=True)]
+        if not any(map(len, split)):
+            break
+        meshes = [
+            detached(given, polygons) if len(polygons) else given
+            for given, polygons in zip(meshes, split, strict=True)
+        ]
+    notes = [f"{result.name}: {note}" for result, report in results for note in report.notes]
+    for number, (uvs, polygons) in enumerate(zip(corners, split, strict=True)):
+        np.savez(folder / f"out{number}.npz", uvs=uvs.astype(np.float32))
+        if len(polygons):
+            notes.append(
+                f"{meshes[number].name}: {len(np.unique(polygons))} faces cannot be laid flat, so "
+                "they overlap others in the texture; triangulate them"
+            )
+    tell(warnings=notes, done={"charts": sum(report.n_charts for _, report in results)})
+
+
+def write_mesh(folder, number, mesh):
+    """Write the arrays of a mesh for Blender to make one of."""
+    arrays = {"positions": mesh.positions.astype(np.float32), "faces": mesh.faces}
+    if mesh.uvs is not None:
+        arrays["uvs"] = mesh.corner_uvs().reshape(-1, 2).astype(np.float32)
+    if mesh.face_groups is not None and all(name.isdigit() for name in mesh.group_names):
+        arrays["materials"] = np.array(mesh.group_names, np.int32)[mesh.face_groups]
+    if mesh.colors is not None:
+        colors = np.ones((mesh.n_vertices, 4), np.float32)
+        colors[:, : mesh.colors.shape[1]] = mesh.colors
+        arrays["colors"] = colors
+    if mesh.normals is not None:
+        one, other = inner_edges(mesh)
+        sharp = one[normals_jump(mesh, one, other)]
+        faces = mesh.faces.ravel()
+        arrays["sharp"] = np.stack([faces[sharp], faces[sharp + 1 - 3 * (sharp % 3 == 2)]], axis=1)
+    np.savez(folder / f"out{number}.npz", **arrays)
+
+
+def scaled_back(mesh, matrix):
+    """Return a mesh in its object's space again, from `in_scene`."""
+    return mesh if matrix is None else transformed(mesh, matrix)
+
+
+def in_scene(arrays):
+    """Return a mesh as the scene shows it where that has other proportions, and the way back."""
+    mesh, linear = mesh_of(arrays, groups=True), arrays["matrix"][:3, :3]
+    products = linear.T @ linear
+    size = np.trace(products) / 3.0
+    if np.abs(products - size * np.eye(3)).max() <= 1e-5 * size:
+        return mesh, None
+    matrix = np.eye(4)
+    matrix[:3, :3] = linear
+    return transformed(mesh, matrix), np.linalg.inv(matrix)
+
+
+def simplify(folder, options, mesh):
+    """Write meshes of fewer triangles."""
+    ratio, notes, counts = options.pop("ratio"), [], []
+    for number, arrays in enumerate(mesh):
+        given, back = in_scene(arrays)
+        given, turned = oriented(given, "auto")
+        if ratio is not None:
+            options["n_faces"] = max(4, round(ratio * given.n_faces))
+        result, report = simplify_with_report(given, progress=Told(), **options)
+        write_mesh(folder, number, scaled_back(result, back))
+        notes += [f"{given.name}: {note}" for note in (*turned.notes, *report.notes)]
+        counts.append([given.n_faces, result.n_faces])
+        if not report.reached:
+            notes.append(f"{given.name}: it has {result.n_faces:,} triangles, more than requested")
+    tell(warnings=notes, done={"faces": counts})
+
+
+def remesh(folder, options, mesh):
+    """Write meshes of the wrapped surfaces."""
+    notes, counts = [], []
+    for number, arrays in enumerate(mesh):
+        given, back = in_scene(arrays)
+        result, report = remesh_with_report(given, RemeshOptions(**options), progress=Told())
+        write_mesh(folder, number, scaled_back(result, back))
+        notes += [f"{given.name}: {note}" for note in report.notes]
+        counts.append([given.n_faces, result.n_faces])
+    tell(warnings=notes, done={"faces": counts})
+
+
+def lighten(folder, options, mesh=()):
+    """Make a glTF file of the scene lighter."""
+    from texbake.jobs.lighten import lighten as lightened
+    from texbake.jobs.options import LightenOptions
+
+    done = lightened(
+        folder / "in.glb", folder / "out.glb", LightenOptions(images="png", views=0, **options),
+        None, "", Told(),
+    )  # fmt: skip
+    report = done.report
+    tell(warnings=list(done.warnings), done={"faces": [[report.n_faces_before, report.n_faces]]})
+
+
+def check(folder, options, mesh, high=()):
+    """Write the findings, and the polygons that they name."""
+    low = mesh_of(mesh[0])
+    others = in_space_of(high, mesh[0]["matrix"])
+    chosen = CheckOptions(**options)
+    pair = (joined(others), low) if others else (low,)
+    report = checked(*pair, chosen, progress=Told()) if others else checked(
+        low, None, chosen, progress=Told()
+    )  # fmt: skip
+    arrays, findings = {}, []
+    for number, finding in enumerate(report.findings):
+        arrays[f"faces{number}"] = np.asarray(finding.polygons, np.int32)
+        findings.append({
+            "name": finding.name, "title": finding.kind.title, "severity": finding.severity,
+            "counted": finding.counted, "text": f"{finding.problem} {finding.remedy}",
+            "in_high": finding.mesh == "high" and bool(others),
+        })  # fmt: skip
+    np.savez(folder / "out.npz", **arrays)
+    tell(done={"findings": findings})
+
+
+TASKS = {
+    "bake": bake, "unwrap": unwrap, "simplify": simplify, "remesh": remesh, "lighten": lighten,
+    "check": check,
+}  # fmt: skip
