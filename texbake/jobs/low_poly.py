@@ -15,7 +15,7 @@ from texbake.mesh.options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simplify_with_report
 from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
-from texbake.progress import Progress
+from texbake.progress import Progress, Stages
 from texbake.rendering.compare import compare_shapes
 from texbake.rendering.options import RenderOptions
 
@@ -104,7 +104,8 @@ class LowPolyMaker:
         n_faces, has_error = self.n_faces, self.error is not None
         if n_faces is not None and self.high.n_faces <= n_faces:
             return self._simplify_high()
-        reason = reason_to_wrap(self.high, None if has_error else n_faces, threads=self.threads)
+        with Stages(self.progress).stage("look for an inside"):
+            reason = reason_to_wrap(self.high, None if has_error else n_faces, threads=self.threads)
         from_high = None
         if reason is None:
             from_high = self._simplify_high()

@@ -232,7 +232,8 @@ def make_asset(
         turning, threads = options.orientation, options.threads
         with Stages(progress).stage("find outside"):
             high, orientation = oriented(high, turning, keep_open=keep_open, threads=threads)
-        high = rule.of_high(high, threads=threads)
+        with Stages(progress).stage("find hard edges"):
+            high = rule.of_high(high, threads=threads)
         # Seams are dropped, because the unwrap cuts new charts.
         maker = LowPolyMaker(
             high=high, rule=rule, n_faces=options.n_faces, error=options.error,
