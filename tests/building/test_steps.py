@@ -193,7 +193,7 @@ def test_an_asset_for_another_program(do, ball):
         levels=(far["lod0"], far["lod1"]), normal=maps["normal"],
     )  # fmt: skip
     made = {path.name: path for path in files["folder"].iterdir()}
-    assert set(made) == {"SM_a.glb", "T_a_N.png", "SETTINGS.txt"}
+    assert set(made) == {"SM_a.glb", "T_a_N.png", "import_a.py", "SETTINGS.txt"}
     assert figures["bytes"] == sum(path.stat().st_size for path in made.values())
     # Unreal's green goes down, that of the bake up.
     ours, theirs = (read_image(p, color=False).pixels for p in (maps["normal"], made["T_a_N.png"]))

@@ -26,7 +26,9 @@ def asset(tmp_path, monkeypatch):
 def test_a_folder_of_maps_and_single_ones(invoke, asset):
     result = invoke("export rock.obj --to unreal --maps maps --map roughness=r.png -o out")
     names = {path.name for path in (asset / "out").iterdir()}
-    assert names == {"SM_rock.glb", "T_rock_N.png", "T_rock_ORM.png", "SETTINGS.txt"}
+    assert names == {
+        *("SM_rock.glb", "T_rock_N.png", "T_rock_ORM.png"), *("import_rock.py", "SETTINGS.txt"),
+    }  # fmt: skip
     assert "no metalness was given" in result.stderr
 
 

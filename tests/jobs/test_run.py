@@ -328,7 +328,7 @@ def test_a_preset_names_and_codes_the_files_as_export_does(high: Mesh, tmp_path:
     options = RunOptions(preset="unreal", maps=("ao",), compare="off", n_faces=200, size=256)
     made = run(high, tmp_path, options)
     names = "SM_ball.glb T_ball_N.png T_ball_H.png T_ball_AO.png ball_report.json SETTINGS.txt"
-    assert {path.name for path in tmp_path.iterdir()} == {*names.split()}
+    assert {path.name for path in tmp_path.iterdir()} == {*names.split(), "import_ball.py"}
     assert set(made.files.values()) == set(tmp_path.iterdir())
     normal = read_image(made.files["normal"], color=False)
     assert (normal.bits, normal.metadata[CONVENTION]) == (16, "directx")

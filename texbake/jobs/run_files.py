@@ -10,6 +10,7 @@ import numpy as np
 
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.files import PathLike, check_writable, make_folder, replacing, scratch_folder
+from texbake.jobs.export.imports import write_imports
 from texbake.jobs.export.maps import PACKED, Converter, SourceMap
 from texbake.jobs.export.programs import ExportedMap, ExportOptions, write_settings
 from texbake.jobs.material_transfer import (
@@ -143,9 +144,9 @@ def _export_options(options: RunOptions) -> ExportOptions:
 
 
 def _write_settings(
-    files: Mapping[str, Path], written: Mapping[str, WrittenMap], options: RunOptions
+    files: dict[str, Path], written: Mapping[str, WrittenMap], options: RunOptions
 ) -> None:
-    """Write what to set in the program of the preset."""
+    """Write what to set in the program of the preset, and what imports the asset."""
     maps = []
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}
@@ -159,4 +160,12 @@ def _write_settings(
             kind = (packing or name) if name == "orm" else name.replace("_", "-")
             maps.append(ExportedMap(kind=kind, tile="", path=files[name]))
     mesh_file = files.get("glb") or files["mesh"]
-    write_settings(files["settings"].parent, _export_options(options), mesh_file, maps)
+    asset = files["report"].name.removesuffix("_report.json")
+    folder, exported = files["settings"].parent, replace(_export_options(options), name=asset)
+    imports = write_imports(folder, exported, mesh_file, maps)
+    notes = []
+    if options.convention != options.target.convention:
+        notes.append(f"{files['normal'].name}: green is {options.convention}, as you chose it.")
+    write_settings(folder, exported, mesh_file, maps, imports, notes=notes)
+    for number, path in enumerate(imports):
+        files[f"import{number or ''}"] = path

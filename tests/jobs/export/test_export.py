@@ -154,10 +154,12 @@ def test_a_packed_map_is_what_its_channels_are(tmp_path, mesh, maps, orm, export
         export_asset(mesh, given, tmp_path / folder, ExportOptions(to=target, layers=True))
         for given, folder in ((find_maps(path.parent), "packed"), (parts, "parts"))
     ]
-    names = [sorted(file.name for file in result.settings.parent.iterdir()) for result in results]
+    folders = [result.settings.parent for result in results]
+    names = [sorted(str(file.relative_to(folder)) for file in folder.rglob("*.*"))
+             for folder in folders]  # fmt: skip
     assert names[0] == names[1]
     for name in names[0]:
-        one, other = (result.settings.with_name(name).read_bytes() for result in results)
+        one, other = ((folder / name).read_bytes() for folder in folders)
         assert one == other, name
 
 
@@ -213,14 +215,21 @@ NAMES = {
     "rock_normal.png rock_orm.png",
 }
 NAMES["gltf-web"] = NAMES["threejs"]
+# What imports these.
+IMPORTS = {
+    "unreal": ["import_rock.py"],
+    "unity": ["Editor/rockImport.cs"],
+    "godot": [f"{name}.import" for name in NAMES["godot"].split()[1:]],
+}
 
 
 @pytest.mark.parametrize("target", PROGRAMS)
 def test_files_have_the_names_that_the_program_expects(export, target):
     result = export(target)
-    found = sorted(path.name for path in result.mesh.parent.iterdir())
-    assert found == sorted([*NAMES[target].split(), SETTINGS])
-    assert sorted(path.name for path in result.files) == found
+    folder = result.mesh.parent
+    found = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
+    assert found == {*NAMES[target].split(), *IMPORTS.get(target, ()), SETTINGS}
+    assert {path.relative_to(folder).as_posix() for path in result.files} == found
     text = result.settings.read_text(encoding="utf-8")
     assert all(name in text for name in NAMES[target].split())
     assert "{" not in text
@@ -231,7 +240,8 @@ def test_an_obj_file_is_distinguished_from_gltf(export, target):
     name = "a-long-name-of-many-words-that-no-line-has-room-for-beside-anything-else"
     result = export(target, mesh_format="obj", name=name)
     text = result.settings.read_text(encoding="utf-8")
-    assert all(path.name in text for path in result.files if path != result.settings)
+    ours = {result.settings, *result.imports}
+    assert all(path.name in text for path in result.files if path not in ours)
     of_mesh = text.partition("\nMesh\n")[2].partition("\nMaps\n")[0]
     assert "gltf" not in of_mesh.lower() or target == "gltf-web"
     assert "already" not in of_mesh

@@ -21,6 +21,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
+from texbake.jobs.export.imports import write_imports
 from texbake.jobs.export.maps import COLORS, PACKED, Converter, SourceMap, source_maps
 from texbake.jobs.export.programs import ExportedMap, ExportOptions, write_settings
 from texbake.jobs.outputs import triangle_notes
@@ -47,6 +48,7 @@ class ExportResult:
     textures: tuple[Path, ...]  # images that the mesh file refers to instead of containing them
     maps: tuple[ExportedMap, ...]
     settings: Path  # the text that says what to set in the program
+    imports: tuple[Path, ...] = ()  # scripts and presets that import the asset, and its MaterialX
     layers: Path | None = None  # the EXR file of all maps, if `ExportOptions.layers` is set
     # what was assumed or could not be done, a sentence each
     warnings: tuple[str, ...] = ()
@@ -56,7 +58,7 @@ class ExportResult:
         """Every file that was written."""
         layers = [] if self.layers is None else [self.layers]
         maps = [written.path for written in self.maps]
-        return [self.mesh, *self.textures, *maps, *layers, self.settings]
+        return [self.mesh, *self.textures, *maps, *layers, *self.imports, self.settings]
 
 
 @appearing_together()
@@ -109,11 +111,14 @@ def export_asset(
         layers = folder / f"{asset}_layers.exr"
         with stages.stage("write layers"):
             _write_layers(sources, layers, options)
+    imports = write_imports(folder, replace(options, name=asset), mesh_file, written)
     settings = write_settings(
-        folder, options, mesh_file, written, n_levels=1 + len(levels), notes=converter.notes
-    )
+        folder, options, mesh_file, written, imports, n_levels=1 + len(levels),
+        notes=converter.notes,
+    )  # fmt: skip
     return ExportResult(
         mesh=mesh_file,
+        imports=tuple(imports),
         textures=tuple(textures),
         maps=tuple(written),
         settings=settings,
@@ -141,6 +146,8 @@ def _write_mesh(
     extra: dict[str, Any] = {"name": converter.asset}
     if path.suffix == ".glb":
         extra |= {"levels": turned[1:] or None, "compress": options.compress or None}
+    else:
+        extra["materialx"] = options.materialx or None
     embedded = {source.kind: source for source in sources if not source.tile}
     if any(source.tile for source in sources) or not converter.target.embeds:
         embedded = {}

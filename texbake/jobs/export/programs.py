@@ -75,6 +75,9 @@ class ExportOptions(CheckedOptions):
         False, "Compress a GLB file with meshoptimizer (EXT_meshopt_compression)."
     )
     layers: bool = option(False, "Also write all maps, unchanged, as the layers of one EXR file.")
+    materialx: bool = option(
+        False, "Also write the material as a MaterialX document, an OpenPBR surface."
+    )
     threads: Annotated[int | None, THREADS_OPTION] = None
 
     def __post_init__(self) -> None:
@@ -108,6 +111,8 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Image Texture > open the tile 1001 with Detect UDIMs on.",
     },
     "unreal": {
+        "imports": "{file} imports the mesh and the textures and makes a material: Tools > Execute "
+        "Python Script, with the plugin Python Editor Script Plugin. By hand:",
         "mesh": "Import {file} (glTF), Recompute Normals and Recompute Tangents off; or "
         "recompute tangents with Use MikkTSpace on. Build Settings: Use Full Precision UVs and Use "
         "High Precision Tangent Basis on.",
@@ -128,6 +133,8 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Turn on Virtual Texture Support, and import the tile 1001; the others follow.",
     },
     "unity": {
+        "imports": "{file}, in its folder Editor, sets the types of textures and the model when "
+        "all files are put under Assets, and makes a material: Assets > texbake. By hand:",
         "mesh": "Put {file} under Assets. Model: Scale Factor 1. Normals: "
         "Import; Tangents: Calculate Mikktspace. Materials: None; make one from the maps below.",
         "usd": "Import {file} with the package com.unity.importer.usd, or export again as obj.",
@@ -146,6 +153,8 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Unity does not support UDIM tiles: use one material per tile.",
     },
     "godot": {
+        "imports": "The .import files, such as {file}, set the compression of the textures when "
+        "Godot first imports them. By hand:",
         "mesh": "Put {file} into the project. Tangents are those of the file.",
         "usd": "Godot does not read USD; export again as glb.",
         "obj": "Put {file} into the project. It has no material; make one from the maps below.",
@@ -204,14 +213,18 @@ def write_settings(
     options: ExportOptions,
     mesh_file: Path,
     maps: Sequence[ExportedMap],
+    imports: Sequence[Path],
     *,
     n_levels: int = 1,
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write the text that says what to set in the program, and return its path."""
+    """Write the text that says what to set in the program, and return its path.
+
+    `imports` are the files that do it, as `write_imports` returns them.
+    """
     path = folder / SETTINGS
     with replacing(path) as temporary:
-        text = settings_text(options, mesh_file, maps, n_levels=n_levels, notes=notes)
+        text = settings_text(options, mesh_file, maps, imports, n_levels=n_levels, notes=notes)
         temporary.write_text(text, encoding="utf-8")
     return path
 
@@ -220,13 +233,14 @@ def settings_text(
     options: ExportOptions,
     mesh_file: Path,
     maps: Sequence[ExportedMap],
+    imports: Sequence[Path],
     *,
     n_levels: int,
     notes: Sequence[str],
 ) -> str:
     """Return the settings to make in the program, as plain text."""
     target, steps = PROGRAMS[options.to], _STEPS[options.to]
-    is_glb = mesh_file.suffix == ".glb"
+    is_glb, has_imports = mesh_file.suffix == ".glb", bool(imports) and "imports" in steps
     holds = is_glb and target.embeds and not any(written.tile for written in maps)
     lines = [
         f"{mesh_file.stem} for {target.title}",
@@ -235,6 +249,7 @@ def settings_text(
         f"Tangents  {target.tangents}",
         f"Green     {'+Y (OpenGL)' if target.convention == 'opengl' else '-Y (DirectX)'}",
         "",
+        *([steps["imports"].format(file=imports[0].name), ""] if has_imports else []),
         "Mesh",
         f"  {_mesh_step(steps, mesh_file)}",
     ]

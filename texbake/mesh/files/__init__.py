@@ -28,7 +28,7 @@ class _Format(NamedTuple):
 
 
 _MATERIAL = ("normal_map", "base_color", "orm", "emissive", "name")
-_USD = _Format(("usd", "read_usd"), ("usd_write", "write_usd"), _MATERIAL)
+_USD = _Format(("usd", "read_usd"), ("usd_write", "write_usd"), (*_MATERIAL, "materialx"))
 _THROUGH_TRIMESH = _Format(("trimesh_read", "read_with_trimesh"))
 _FORMATS = {
     ".obj": _Format(("obj", "read_obj"), ("obj_write", "write_obj")),

@@ -37,6 +37,7 @@ from texbake.mesh.files.conversion import (
     image_file,
     require_uvs,
 )
+from texbake.mesh.files.openpbr import openpbr_nodes
 from texbake.mesh.files.usd_stage import require_usd
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import shading_normals, with_shading_normals
@@ -57,8 +58,12 @@ def write_usd(
     orm: PathLike | None = None,
     emissive: PathLike | None = None,
     name: str | None = None,
+    materialx: bool = False,
 ) -> None:
-    """Write a mesh as .usd, .usda, .usdc or .usdz."""
+    """Write a mesh as .usd, .usda, .usdc or .usdz.
+
+    With `materialx` the material is an OpenPBR surface as well, for renderers that read that.
+    """
     require_usd(path)
     sources = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}
     textures = {
@@ -83,6 +88,8 @@ def write_usd(
         if not is_package:
             places[slot] = Path(os.path.relpath(os.path.realpath(file), folder)).as_posix()
     stage = _stage(path, mesh, name, places, factors)
+    if materialx and places:
+        _add_openpbr(stage, places)
     with replacing(path) as temporary:
         if is_package:
             _package(stage, temporary, {places[slot]: textures[slot] for slot in textures})
@@ -292,6 +299,47 @@ _SLOTS = {
     "orm": ("occlusion", "roughness", "metallic"),
     "emissive": ("emissive",),
 }
+
+
+# Kinds of maps of the textures, types of MaterialX as USD has them, and definitions of its nodes
+# whose names do not follow from their category and type.
+_KINDS = {"normal": "normal", "base_color": "base-color", "orm": "orm", "emissive": "emissive"}
+_TYPES = {
+    "color3": "Color3f", "vector3": "Float3", "float": "Float", "integer": "Int",
+    "filename": "Asset", "surfaceshader": "Token",
+}  # fmt: skip
+_DEFINITIONS = {"extract": "ND_extract_vector3", "normalmap": "ND_normalmap_float"}
+
+
+def _add_openpbr(stage: Any, textures: Mapping[str, str]) -> None:
+    """Add the material as nodes of MaterialX, in the render context that reads them."""
+    from pxr import Sdf, UsdShade
+
+    types, above = Sdf.ValueTypeNames, "/asset/material/openpbr"
+    place = UsdShade.Shader.Define(stage, Sdf.Path(f"{above}_coordinates"))
+    place.CreateIdAttr("ND_geompropvalue_vector2")
+    place.CreateInput("geomprop", types.String).Set("st")
+    coordinates = place.CreateOutput("out", types.Float2)
+    outputs: dict[str, Any] = {}
+    *nodes, _ = openpbr_nodes({_KINDS[slot]: file for slot, file in textures.items()})
+    for node in nodes:
+        shader = UsdShade.Shader.Define(stage, Sdf.Path(f"{above}_{node.name}"))
+        shader.CreateIdAttr(_DEFINITIONS.get(node.category, f"ND_{node.category}_{node.type}"))
+        if node.category == "image":
+            shader.CreateInput("texcoord", types.Float2).ConnectToSource(coordinates)
+        for key, (type_, meaning, value) in node.inputs.items():
+            item = shader.CreateInput(key, getattr(types, _TYPES[type_]))
+            if meaning == "node":
+                item.ConnectToSource(outputs[value])
+            elif meaning == "file":
+                item.Set(Sdf.AssetPath(as_text(value)))
+                if node.type == "color3":
+                    item.GetAttr().SetColorSpace("srgb_texture")
+            else:
+                item.Set(int(value) if type_ == "integer" else float(value))
+        outputs[node.name] = shader.CreateOutput("out", getattr(types, _TYPES[node.type]))
+    material = UsdShade.Material.Get(stage, Sdf.Path("/asset/material"))
+    material.CreateSurfaceOutput("mtlx").ConnectToSource(outputs["surface"])
 
 
 def _texture(stage: Any, slot: str, file: str, places: Any) -> Any:
