@@ -6,8 +6,9 @@ import json
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import IO, Self
+
+from texbake.records import dataclass
 
 # A stage is timed for this long before its length is estimated.
 _TIMED = 3.0

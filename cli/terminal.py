@@ -7,13 +7,14 @@ import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from texbake import FileError
 from texbake.progress import ProcessTimes, peak_memory_bytes, process_times
+from texbake.records import dataclass
 
 from .messages import in_line, printable, with_flags
 from .progress import JsonLines, Lines, ShownProgress

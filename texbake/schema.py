@@ -14,13 +14,14 @@ import math
 import sys
 import types
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, MISSING, Field, dataclass, field, fields, replace
+from dataclasses import KW_ONLY, MISSING, Field, field, fields, replace
 from functools import cache
 from inspect import cleandoc, get_annotations
 from numbers import Integral, Real
 from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
 
 from texbake.errors import OptionError
+from texbake.records import dataclass
 
 JsonSchema = dict[str, Any]
 Value = TypeVar("Value")

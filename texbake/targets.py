@@ -7,7 +7,9 @@ that the Khronos Group recommends: Real-time Asset Creation Guidelines, 2020.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
+
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

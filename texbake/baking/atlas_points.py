@@ -6,8 +6,6 @@ values into an image, and fills what is left with `texbake.fill`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -18,6 +16,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.normals import shading_normals
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.schema import Size
 
 

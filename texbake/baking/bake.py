@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import OrientationReport
+from texbake.records import dataclass
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.rounds import BudgetClock, TimeBudget, with_actual_time
 

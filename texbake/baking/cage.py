@@ -13,7 +13,7 @@ Kernel: `core/cage.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT, Rays, Rows
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 
 _SWEEPS = 60
 

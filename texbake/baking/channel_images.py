@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,7 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import FloatArray, IntArray, frozen
 from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.lookup import lookup
 
 if TYPE_CHECKING:

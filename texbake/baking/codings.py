@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from texbake.metadata import (
     THICKNESS_SCALE,
     Value,
 )
+from texbake.records import dataclass
 from texbake.texture.encoding import (
     color_ids,
     encode_heights,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +13,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT, RayHits, Rays, Rows
+from texbake.records import dataclass
 
 Float32Array = npt.NDArray[np.float32]
 

@@ -7,7 +7,7 @@ normals and curvatures. So the faces that were hit are enough to make maps again
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -26,6 +26,7 @@ from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, 
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import Marks
 from texbake.mesh.tangents import shading_tangents
+from texbake.records import dataclass
 from texbake.texture.encoding import decode_srgb
 
 Float32Array = npt.NDArray[np.float32]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.baking.maps import MAP_NAMES
@@ -21,6 +20,7 @@ from texbake.limits import parse_seconds
 from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.options.shared import MAX_SIZE, TextureOptions
 from texbake.mesh.options import DEFAULT_ORIENTATION, ORIENTATION_OPTION
+from texbake.records import dataclass
 from texbake.sampling.bounds import DEFAULT_MAX_ERROR, ErrorBounds, parse_bounds
 from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
 

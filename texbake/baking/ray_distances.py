@@ -16,8 +16,6 @@ the greatest distance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -31,6 +29,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.topology import edge_neighbors
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
+from texbake.records import dataclass
 
 # Points between the measured ones may lie a little farther away.
 MARGIN = 1.1

@@ -22,7 +22,7 @@ Kernel: `core/sample_rays.c`.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,7 @@ from texbake.mesh.polygons import outlines
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayPlaces, RayScene, rows_of
+from texbake.records import dataclass
 from texbake.texture.lookup import lookup
 
 Float32Array = npt.NDArray[np.float32]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from texbake.errors import counted
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
+from texbake.records import dataclass
 from texbake.sampling.report import SamplingReport
 from texbake.sampling.rounds import TimeBudget
 

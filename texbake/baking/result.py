@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from texbake.files import PathLike, make_folder
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.metadata import Value
+from texbake.records import dataclass
 from texbake.texture.image import Image, image_as_read, read_image, write_image
 from texbake.texture.image_formats import holds_floats
 from texbake.texture.png_files import picture_png

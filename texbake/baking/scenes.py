@@ -15,7 +15,7 @@ examined. It is flipped only if it then agrees better.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,7 @@ from texbake.progress import Stages
 from texbake.raycast.orientation import OrientationReport, oriented_in
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 
 _HIGH_POINTS = 200_000
 _LOW_POINTS = 50_000

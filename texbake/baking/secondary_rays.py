@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +29,7 @@ from texbake.raycast.rays import (
     direction_sets,
     mixed,
 )
+from texbake.records import dataclass
 
 Float32Array = npt.NDArray[np.float32]
 

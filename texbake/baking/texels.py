@@ -13,7 +13,6 @@ Kernel: `core/pineda.c`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +24,7 @@ from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.raycast.rays import Rows
+from texbake.records import dataclass
 from texbake.texture.lookup import texel_coordinates
 
 # Units of the fixed-point grid, as in `core/edge_functions.h`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayPlaces, rows_of
+from texbake.records import dataclass
 
 
 @dataclass

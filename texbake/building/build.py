@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ from texbake.errors import TexbakeError, counted
 from texbake.files import PathLike, check_name, make_folder, replacing
 from texbake.jobs.outputs import check_page
 from texbake.parallel import default_threads
+from texbake.records import dataclass
 
 _MEMORY_SHARE = 0.8
 

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from texbake import __version__
@@ -26,6 +26,7 @@ from texbake.building.digests import checksum
 from texbake.building.store import Store
 from texbake.building.task import Task, TaskOutcome, memory_advice, run_task
 from texbake.errors import FileError, OptionError, TexbakeError, require_library
+from texbake.records import dataclass
 
 _ANSWER_SECONDS = 10  # within which a scheduler must answer
 _LOAD_SECONDS = 60  # within which workers must answer; they load texbake first

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,6 +29,7 @@ from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, check_writable, read_bytes, replacing
 from texbake.jobs.outputs import JobResult
 from texbake.limits import folder_beside, toml_content
+from texbake.records import dataclass
 from texbake.rendering.scene.file.tables import (
     FileSchema,
     Table,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from graphlib import CycleError, TopologicalSorter
 from pathlib import PurePosixPath
@@ -14,6 +13,7 @@ from texbake.building.file import AssetRule, Pipeline, StepTable
 from texbake.building.locations import is_url, matches
 from texbake.errors import OptionError, quoted
 from texbake.files import is_file
+from texbake.records import dataclass
 from texbake.rendering.scene.file.values import nearest
 
 _PLACE = re.compile(r"\{([^{}]*)\}")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from texbake.baking.memory import parse_bytes
 from texbake.errors import OptionError, quoted
 from texbake.files import PathLike
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, option
 
 

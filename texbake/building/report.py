@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from texbake.building.store import stored_files
 from texbake.errors import FileError
 from texbake.files import PathLike, make_folder, replacing, scratch_folder
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from texbake.pages.build_page import BuildRow

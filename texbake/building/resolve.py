@@ -10,7 +10,7 @@ import os
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from texbake.building.store import (
 from texbake.building.task import Task, TaskInput
 from texbake.errors import FileError
 from texbake.files import replacing
+from texbake.records import dataclass
 from texbake.verbs.step import InputSize, Settings, StepKind
 
 # States in which a step has ended ...

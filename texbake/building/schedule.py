@@ -11,7 +11,7 @@ import heapq
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from graphlib import TopologicalSorter
 from typing import Any
 
@@ -30,6 +30,7 @@ from texbake.building.store import Manifest, Publisher
 from texbake.building.task import Task, TaskOutcome
 from texbake.building.workers import Executor
 from texbake.errors import TexbakeError, counted
+from texbake.records import dataclass
 
 _MOST_PUT_OFF = 64  # steps too large for the free memory, before the search for smaller ones ends
 _LOOK_SECONDS = 0.5  # between events on which nothing happens

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from texbake.baking.memory import MB, PROCESS
+from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions
 from texbake.verbs.preview import SHOWN
 from texbake.verbs.step import (

@@ -13,7 +13,6 @@ import shutil
 import time
 from collections.abc import Container, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from texbake.building.graph import Node
 from texbake.building.locations import LocalFolder, file_errors, file_signature, location_of
 from texbake.errors import FileError, TexbakeError
 from texbake.files import appearing_together, make_folder, scratch_folder
+from texbake.records import dataclass
 from texbake.unfinished import clear_once, unfinished_name
 
 MANIFEST = "manifest.json"

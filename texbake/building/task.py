@@ -11,7 +11,6 @@ import tempfile
 import time
 import traceback
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from texbake.errors import FileError, TexbakeError, heard_warnings, is_out_of_me
 from texbake.files import scratch_folder
 from texbake.jobs.outputs import plain_figures
 from texbake.progress import peak_memory_bytes
+from texbake.records import dataclass
 from texbake.verbs.step import Job
 
 

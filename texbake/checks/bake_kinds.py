@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from texbake.records import dataclass
 
 FACES = ("face", "faces")
 EDGES = ("edge", "edges")

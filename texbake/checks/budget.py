@@ -6,7 +6,6 @@ The limits are those of `texbake.targets`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +14,7 @@ from texbake.checks.checked_mesh import CheckedMesh, Finding
 from texbake.errors import FileFormatError, TexbakeError, first_few
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import has_measurable_uvs
+from texbake.records import dataclass
 from texbake.targets import PROGRAMS
 from texbake.texture.image import image_shape
 

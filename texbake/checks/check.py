@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import Progress, StageRecord, Stages
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -22,6 +21,7 @@ from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import duplicate_faces, edge_ids, repeated_vertices
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 IdArray = npt.NDArray[np.int64]

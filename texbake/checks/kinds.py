@@ -5,7 +5,7 @@ One table, read by the checks, the command line and the documentation.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from difflib import get_close_matches
 
 from texbake.baking.options import PADDING_OPTION, BakeOptions
@@ -20,6 +20,7 @@ from texbake.checks.bake_kinds import (
 )
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.shared import TextureOptions
+from texbake.records import dataclass
 from texbake.schema import THREADS_OPTION, Size, option, option_of
 from texbake.targets import PROGRAMS
 

@@ -8,7 +8,6 @@ axes are accepted if the meshes then fit, and guessed from the bounding boxes wh
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import permutations, product
 
@@ -25,6 +24,7 @@ from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
+from texbake.records import dataclass
 
 # Shares of the size of the low-poly mesh. In pairs made from scans, the low-poly mesh lies within
 # 0.3 % of the high-poly mesh on average and 1.3 % at most.

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_together
 from texbake.mesh.interchange import plain_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.records import dataclass
 
 __version__ = "0.0.11"
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import TexbakeError
+from texbake.records import dataclass
 
 UintArray = npt.NDArray[np.uint32]
 

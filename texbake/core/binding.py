@@ -11,11 +11,12 @@ from __future__ import annotations
 import ctypes
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+
+from texbake.records import dataclass
 
 # Types of C in declarations: dtypes of numpy, and types of arguments. An address is a plain number.
 TYPES: dict[str, tuple[str, Any]] = {

@@ -10,7 +10,7 @@ fill the texels where they are defined.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from texbake.mesh.normals import smooth_normals
 from texbake.mesh.repair import repair
 from texbake.mesh.topology import face_components
 from texbake.progress import Progress, StageRecord, Stages
+from texbake.records import dataclass
 from texbake.texture.encoding import decode_srgb
 
 Sample = Callable[[FloatArray, FloatArray], Any]

@@ -15,7 +15,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FIRST_UV_SET, Mesh
 from texbake.parallel import run_bands
 from texbake.progress import Progress, StageRecord, Stages
+from texbake.records import dataclass
 from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
 from texbake.rendering.scene.scene import Scene, apply_mapping, place_mesh

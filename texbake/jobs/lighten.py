@@ -5,7 +5,7 @@ model ─ simplify ─ unwrap ─► bake every channel ─► one GLB file
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ from texbake.mesh.objects import joined_objects, without_borders
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.raycast.orientation import oriented
+from texbake.records import dataclass
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
 from texbake.schema import Size
 from texbake.texture.model_materials import model_materials

@@ -5,7 +5,7 @@ Of those that reach the number of triangles, pictures decide which is closest to
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, counted
@@ -16,6 +16,7 @@ from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simp
 from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.rendering.compare import compare_shapes
 from texbake.rendering.options import RenderOptions
 

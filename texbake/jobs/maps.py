@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import open_source
 from texbake.progress import Progress, StageRecord, Stages
+from texbake.records import dataclass
 from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
 from texbake.texture.model_materials import read_materials

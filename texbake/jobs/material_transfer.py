@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -27,6 +27,7 @@ from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materi
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, quantize_unsigned
 from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
 

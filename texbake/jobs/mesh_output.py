@@ -6,7 +6,7 @@ writes them, hold none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.progress import Progress
+from texbake.records import dataclass
 from texbake.texture.model_materials import without_damaged_images
 
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated, Any, TypeVar
 
@@ -25,6 +25,7 @@ from texbake.mesh.options import (
     check_angle,
     check_target,
 )
+from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import THREADS_OPTION, CheckedOptions, Size, option, option_of
 from texbake.targets import OWN_FILES, PRESET_HELP, PROGRAMS, SETTINGS, Target

@@ -15,7 +15,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +30,7 @@ from texbake.files import PathLike, replacing
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange, uv_sphere
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare, relight
 from texbake.rendering.options import RenderOptions

@@ -10,12 +10,12 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike, check_folder, check_writable, replacing
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from texbake.mesh.mesh import Mesh

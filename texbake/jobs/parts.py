@@ -7,7 +7,7 @@ maps for each of them, and the pattern of the file names has to hold `{set}` or 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.texture.image import write_image
 
 _SET_PATTERN = "{set}_{map}.{ext}"

@@ -7,7 +7,7 @@ one file.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from texbake.files import PathLike, make_folder, scratch_folder
 from texbake.jobs.outputs import JobResult
 from texbake.jobs.preview_scene import DefaultView
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import prepare
 from texbake.rendering.effect import Plan

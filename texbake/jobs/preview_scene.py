@@ -8,7 +8,7 @@ be seen.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from texbake.mesh.files.source import parsed_once
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
 from texbake.progress import Progress
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera, fill_picture
 from texbake.rendering.material_simplification import is_hidden
 from texbake.rendering.options import RenderOptions

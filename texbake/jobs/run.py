@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +39,7 @@ from texbake.mesh.objects import joined_objects
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.raycast.orientation import OrientationReport, oriented
+from texbake.records import dataclass
 from texbake.rendering.compare import Comparison, compare
 from texbake.texture.image import write_image
 

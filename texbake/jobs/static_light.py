@@ -9,8 +9,6 @@ Gems, 2019, for the distance from the surface at which rays start.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from texbake.baking.texels import Samples
@@ -20,6 +18,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, shading_normals
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 from texbake.rendering.effects.ambient import add_ambient
 from texbake.rendering.effects.lights import PlacedLight, arriving_light, placed_light
 from texbake.rendering.effects.projectors import LightCookie

@@ -5,7 +5,7 @@ A mapping may cover one group of faces alone; the other faces then keep the coor
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 _NAMES_SHOWN = 8
 

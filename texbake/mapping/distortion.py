@@ -7,7 +7,7 @@ This module combines them, for the whole mesh, for each chart and for the worst 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from texbake.mapping.seams import chart_ids, seam_length
 from texbake.mapping.stretch import FaceStretch, Stretch, face_stretch, stretch_by_group
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 
 N_WORST = 10  # faces listed
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -41,6 +40,7 @@ from texbake.mapping.seams import border_edges, chart_ids, seam_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 Points = npt.NDArray[np.int64]
 Ids = npt.NDArray[np.integer[Any]]

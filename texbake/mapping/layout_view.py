@@ -5,7 +5,6 @@ from __future__ import annotations
 import colorsys
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +15,7 @@ from texbake.mapping.corner_uvs import signed_areas, unmeasurable_size
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.oklch import diverging
+from texbake.records import dataclass
 
 # sRGB-coded colors.
 BACKGROUND = (0.96, 0.96, 0.96)

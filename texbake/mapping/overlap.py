@@ -11,7 +11,6 @@ Kernel: `core/planar_overlap.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # Overlaps up to this depth, as a share of the texture, are rounding: of float32, or of the six
 # decimals of many files; ...

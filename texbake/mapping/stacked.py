@@ -9,7 +9,6 @@ overlap in any other way are not stacked, nor are faces that each fill the whole
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -24,6 +23,7 @@ from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.tangents import shading_tangents
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -14,7 +14,7 @@ al., arXiv 2208.01772, 2022 (angle and area distortion).
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from texbake.errors import UvError
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import AREA_ROUNDING
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ position of the model change nothing but options that are given in model units.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from importlib import import_module
 from typing import Any
 
@@ -31,6 +31,7 @@ from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh, plain_array
 from texbake.mesh.mesh import Mesh, UvSet
 from texbake.progress import Progress, StageRecord, Stages
+from texbake.records import dataclass
 
 # Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
 _FARTHEST = 1e12

@@ -9,7 +9,7 @@ surface.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, UvSet, require_few_sets
+from texbake.records import dataclass
 
 # Fields of a mesh with a row of three indices for each face.
 CORNERS = ("faces", "uv_faces", "normal_faces")

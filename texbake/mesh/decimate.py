@@ -13,7 +13,6 @@ SIGGRAPH 1997.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -27,6 +26,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
 from texbake.mesh.topology import face_components, repeated_vertices
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
 

@@ -11,8 +11,6 @@ forgotten and each sample represents the same area.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from texbake.core import core, portable_math as pm
@@ -22,6 +20,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 _DEFAULT_SAMPLES = 100_000
 REPORTED_SAMPLES = 10_000  # where a distance is only reported

@@ -15,7 +15,6 @@ not change with such rounding.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +22,7 @@ import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from texbake.mesh.streamed.mesh import StreamedMesh

@@ -20,7 +20,6 @@ Kernel: `core/union_find.c`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,6 +47,7 @@ from texbake.mesh.topology import (
     runs_of_keys,
 )
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import duplicate_faces, face_components, find_edges, genus
+from texbake.records import dataclass
 
 _BLOCK = 1 << 16  # faces measured at once
 

@@ -12,7 +12,7 @@ KHR_materials_specular and KHR_materials_transmission.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
@@ -26,6 +26,7 @@ from texbake.errors import MeshError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.records import dataclass
 
 # Rows of a matrix that takes (u, v, 1) to (u, v) of an image.
 Placing = tuple[tuple[float, float, float], tuple[float, float, float]]

@@ -7,7 +7,7 @@ that giving a mesh texture coordinates adds two arrays and touches nothing else.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -18,6 +18,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, MeshError, UvError, quoted
 from texbake.files import PathLike
+from texbake.records import dataclass
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int32]

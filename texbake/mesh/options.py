@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Final
 
 from texbake.errors import OptionError, quoted
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, Option, option, option_of
 
 DEFAULT_ORIENTATION: Final = "auto"

@@ -11,7 +11,6 @@ Kernel: `core/ear_clipping.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 Indices = npt.NDArray[np.int64]
 

@@ -12,7 +12,7 @@ be given up).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -40,6 +40,7 @@ from texbake.mesh.piecewise import bring_down
 from texbake.mesh.topology import find_edges
 from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
 from texbake.mesh.weld import later_copies, unique_rows
+from texbake.records import dataclass
 
 _GIVEN_UP = "too few faces to keep its"
 

@@ -16,7 +16,7 @@ Departs from it in that voxels are flooded and not tetrahedra carved.
 from __future__ import annotations
 
 import time
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,7 @@ from texbake.mesh.simplify import check_count, simplify
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 
 _MORE = "request more, or use a wider `close` or fewer `components`"
 _MOST_FACES_SUMMED = 2e8  # for winding numbers in all rooms

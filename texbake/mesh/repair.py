@@ -10,7 +10,6 @@ mesh that was repaired is not changed by another repair.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +26,7 @@ from texbake.mesh.objects import joined_objects, vertex_objects
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.topology import duplicate_faces, edge_neighbors, wind_alike
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True)

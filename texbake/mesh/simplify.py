@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any, NamedTuple
 
 from texbake.core import portable_math as pm
@@ -30,6 +30,7 @@ from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
 from texbake.mesh.reduction import CLUSTERS, SLACK, Reduction, noted, reduced
 from texbake.mesh.streamed.reduction import ReducedMesh
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 
 # Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.
 _MOST_ERROR = 0.5

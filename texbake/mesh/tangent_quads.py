@@ -11,7 +11,6 @@ Blender Authors).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ import numpy.typing as npt
 
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import outlines
+from texbake.records import dataclass
 
 AnyArray = npt.NDArray[Any]
 BoolArray = npt.NDArray[np.bool_]

@@ -11,7 +11,6 @@ Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathemat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -22,6 +21,7 @@ from texbake.core import core
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]

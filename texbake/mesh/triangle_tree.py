@@ -5,8 +5,6 @@ Kernel: `core/triangle_tree.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -16,6 +14,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects, object_groups
 from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 _BAND = 1 << 13
 _LEAF = 4  # faces

@@ -19,7 +19,6 @@ Kernel: `core/tunnel_carving.c`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -47,6 +46,7 @@ from texbake.mesh.remeshing.solid import (
 from texbake.mesh.topology import face_components, find_edges, genus, repeated_vertices
 from texbake.mesh.triangle_tree import TriangleTree, with_nearest_attributes
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 
 # Widths of gaps, and the depth of carving, as shares of the diagonal. Deeper pits use triangles
 # that the surface around them needs.

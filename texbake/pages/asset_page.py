@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,6 +37,7 @@ from texbake.pages.pictures import (
 from texbake.pages.plots import histogram_svg
 from texbake.pages.viewer import CODINGS, angle_colors, view_data
 from texbake.progress import Progress, StageRecord
+from texbake.records import dataclass
 from texbake.rendering.compare import Comparison, compare
 from texbake.rendering.maps import heights_from
 from texbake.rendering.options import RenderOptions

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
@@ -18,6 +17,7 @@ from texbake.errors import require_library
 from texbake.files import PathLike
 from texbake.pages.page import asset, duration, number, page_html, render, write_page
 from texbake.pages.pictures import data_uri, picture_codes
+from texbake.records import dataclass
 from texbake.texture.image import FloatImage
 
 STATUSES = ("built", "kept", "failed", "skipped")

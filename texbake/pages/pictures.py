@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from texbake.baking.result import BakedMap
 from texbake.errors import require_library
 from texbake.files import PathLike, scratch_folder
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
+from texbake.records import dataclass
 from texbake.texture.encoding import quantize_srgb, quantize_unsigned
 from texbake.texture.image import Image, read_image
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.files import PathLike, replacing
 from texbake.pages.page import number, render
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from markupsafe import Markup

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from texbake.baking.result import BakedMap, BakeResult
 from texbake.errors import OptionError
@@ -23,6 +22,7 @@ from texbake.pages.pictures import (
     png_of,
 )
 from texbake.pages.viewer import CODINGS, packed_mesh, shown_mesh, view_settings
+from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render as render_mesh
 from texbake.texture.checker import checker_image

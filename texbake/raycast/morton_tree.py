@@ -6,7 +6,6 @@ the triangles once more. Kernel: `core/morton_tree.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +17,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import Chunk
 from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 WIDTH = 8  # triangles of a leaf, and boxes of a node
 _CELLS = 1024  # of the curve, along the longest side of the box

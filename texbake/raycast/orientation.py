@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -38,6 +37,7 @@ from texbake.mesh.topology import (
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 

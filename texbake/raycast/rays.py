@@ -18,7 +18,7 @@ A column whose rays are not cast holds NaN.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import lru_cache
 from typing import Any, NamedTuple, Self
 
@@ -27,6 +27,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, frozen
+from texbake.records import dataclass
 
 NO_HIT = -1
 

@@ -14,7 +14,6 @@ Kernels: `core/tile_bundles.c`, `core/single_rays.c`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -28,6 +27,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
 from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.rays import N_COLUMNS, Hemispheres, OcclusionRange, RayHits, Rays, Rows
+from texbake.records import dataclass
 
 Float32Array = npt.NDArray[np.float32]
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions
 
 # Near plane relative to the radius of the framed sphere: close enough to move into the mesh. With

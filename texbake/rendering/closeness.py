@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.resolve import Frame
 from texbake.texture.image import FloatImage
 

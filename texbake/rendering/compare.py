@@ -9,7 +9,7 @@ the bare low-poly mesh. Pixels that see only one of the meshes, or clearly diffe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.topology import surface_side
 from texbake.parallel import resolve_threads, run_bands
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.closeness import Closeness, ViewErrors, measure_closeness, view_errors
 from texbake.rendering.draw import Prepared, draw, prepare, share_images, without_light

@@ -15,7 +15,7 @@ lattices", Mathematical Geosciences 42, 2010, for the views.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions

@@ -11,7 +11,7 @@ do the work; this module only runs them in order.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, is_dataclass, replace
+from dataclasses import field, is_dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from texbake.parallel import run_bands
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import DrawnScene, Effect, Pass, Plan, RenderState
 from texbake.rendering.effects import EFFECTS

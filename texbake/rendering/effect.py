@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, OptionError
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.fragments import DrawnObject, Fragments, IncidentLight
 from texbake.rendering.options import RenderOptions

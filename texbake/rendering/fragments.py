@@ -14,7 +14,7 @@ Kernels: `core/multisampling.c`, `core/interpolation.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.records import dataclass
 from texbake.rendering.rasterize import World
 from texbake.rendering.scene.material import Material
 

@@ -8,13 +8,14 @@ reflects no light map, a highlight without color has no exponent.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from texbake.records import dataclass
 from texbake.rendering.maps import has_opacity
 from texbake.rendering.scene.material import (
     DEFAULT_MATERIAL,

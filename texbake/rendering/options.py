@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from texbake.errors import OptionError
 from texbake.limits import parse_seconds
+from texbake.records import dataclass
 from texbake.rendering.scene.textures import FILTERS
 from texbake.sampling.bounds import parse_picture_bound
 from texbake.schema import CheckedOptions, option

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import require_library
+from texbake.records import dataclass
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage
 

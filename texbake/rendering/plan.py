@@ -8,9 +8,9 @@ costs.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from texbake.records import dataclass
 from texbake.rendering.effect import Activation, Effect, Pass, Plan, Rejection
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Costs, PassCost, Target

@@ -22,7 +22,6 @@ Kernels: `core/clipping.c`, `core/visibility_buffer.c`, `core/scanline_rasterize
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -32,6 +31,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # Which faces of an object are drawn.
 SKIP, CULL_BACK, SHOW_BACK = 0, 1, 2

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.maps import has_opacity
 from texbake.rendering.material_simplification import (

@@ -15,7 +15,7 @@ Kernel: `core/compositing.c`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -27,6 +27,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.options import RenderOptions

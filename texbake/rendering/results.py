@@ -6,8 +6,10 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from texbake.rendering.effect import RenderState

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import TexbakeError
 from texbake.mesh.mesh import FloatArray
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.material_simplification import (
     Simplify,

@@ -19,13 +19,14 @@ Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989, sections 2.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.images import image_of
 from texbake.rendering.effects.points import textured_mesh

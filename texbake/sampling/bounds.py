@@ -9,9 +9,9 @@ opacity is a channel of its own.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from texbake.errors import OptionError, quoted
+from texbake.records import dataclass
 
 # 8-bit normals are off by up to 0.39 degrees; errors of heights show as slopes.
 DEFAULT_MAX_ERROR = "0.5deg,0.01%"

@@ -7,11 +7,12 @@ most of them had, and lie elsewhere. The mean over these has an error of its own
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
+
+from texbake.records import dataclass
 
 CHECKED_SHARE = 0.01  # of the texels or pixels that have data
 _SEED = 5

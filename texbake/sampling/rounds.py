@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -25,6 +25,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.limits import parse_seconds
 from texbake.progress import process_age
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

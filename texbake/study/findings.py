@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from texbake.core import portable_math as pm
 from texbake.pages.page import duration, number
+from texbake.records import dataclass
 from texbake.study.result import KnobResult, Measurement, pareto_front
 
 

@@ -7,7 +7,7 @@ A knob prepares an `Experiment` for a `Case`. A setting costs the time of `Exper
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from importlib import import_module
 from typing import Any, TypeVar
@@ -22,6 +22,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
+from texbake.records import dataclass
 from texbake.rendering.scene.scene import Scene
 from texbake.study.options import KNOB_MODULES
 from texbake.study.truth.surfaces import Surface, orange_surface, rippled_surface

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 from texbake.errors import OptionError
+from texbake.records import dataclass
 from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
 
 # In the order in which they are studied and shown, each with its module in `knobs`.

@@ -6,7 +6,6 @@ import io
 import re
 from collections.abc import Callable, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.errors import require_library
 from texbake.pages.page import duration, number
+from texbake.records import dataclass
 from texbake.study.labels import place_labels
 from texbake.study.result import KnobResult
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from texbake.core import portable_math as pm
+from texbake.records import dataclass
 from texbake.study.knob import Evaluation, Knob, Setting
 from texbake.study.options import StudyOptions
 

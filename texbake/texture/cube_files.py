@@ -14,7 +14,6 @@ neighbors on the cube, and each face is named after its direction.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileError, FileFormatError, OptionError, require_known
 from texbake.files import PathLike, check_folder, check_writable, is_folder
+from texbake.records import dataclass
 from texbake.texture.cube_lookup import from_latitude_longitude, resize_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap
 from texbake.texture.image import Image, read_image

@@ -20,7 +20,6 @@ so that no level gains or loses energy. Kernel: `core/cube_maps.c`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
@@ -30,6 +29,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # Of each face: the directions in which s and t grow, and the direction of its middle.
 FACE_AXES = np.array(

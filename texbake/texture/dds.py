@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, OptionError, require_known, require_library
 from texbake.files import PathLike, replacing
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, unit_normals
 from texbake.texture.mipmaps import mip_chain, single_level
 

@@ -22,7 +22,6 @@ both ends, so that a paraboloid comes back exactly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.encoding import decode_normals
 from texbake.texture.image import Image
 from texbake.texture.options import (

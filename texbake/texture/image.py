@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
 from texbake.metadata import Value, from_description, is_png, png_description, to_description
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.encoding import (
     code_type,
     decode_srgb,

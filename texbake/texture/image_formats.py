@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True)

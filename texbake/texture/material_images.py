@@ -10,7 +10,7 @@ keep their values; floats become codes of 16 bits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from texbake.mesh.materials import (
     Materials,
     MeshMaterial,
 )
+from texbake.records import dataclass
 from texbake.texture.encoding import encode_srgb, quantize_unsigned
 from texbake.texture.image import FloatImage, Image, decode_image
 from texbake.texture.pack import resized

@@ -15,7 +15,6 @@ of the sinc and a parameter of 4. Kernel: `core/mip_levels.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -25,6 +24,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.lookup import MIRROR, REPEAT, Wrap, require_image, wrap_code, wrap_pair
 
 KINDS = ("color", "data", "normal")

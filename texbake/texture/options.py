@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
 from texbake.mapping.options.shared import MAX_SIZE
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, Option, Size, option
 
 MIP_KINDS = ("color", "data", "normal")

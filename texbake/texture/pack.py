@@ -16,7 +16,6 @@ rectangles and the best-short-side rule.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ import numpy.typing as npt
 from texbake.errors import OptionError, UvError, counted, require_library
 from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.mesh import Mesh
+from texbake.records import dataclass
 from texbake.texture.options import PackOptions
 
 FloatImage = npt.NDArray[np.float32]

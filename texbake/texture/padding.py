@@ -11,7 +11,6 @@ weights are 0 or 1 in every level. Kernel: `core/padding.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -22,6 +21,7 @@ from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.interchange import plain_array
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # "No owner within reach" as an offset in texels, as in `core/padding.c`.
 NO_OWNER = 16384

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +13,7 @@ from texbake.baking.parts.matching import PartsOptions
 from texbake.errors import FileError, OptionError, quoted
 from texbake.files import PathLike, is_folder
 from texbake.jobs.outputs import JobResult, write_report
+from texbake.records import dataclass
 from texbake.verbs.map_bakes import FORMAT, HEIGHTS, RAYS, SOURCES
 from texbake.verbs.step import (
     IMAGE_FORMATS,

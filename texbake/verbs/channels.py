@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,6 +17,7 @@ from texbake.baking.options import BITS_OPTION
 from texbake.errors import OptionError, counted, quoted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import DECODED, FORMAT_OF_IMAGE, Job, Settings, Sizes, n_bytes, step_of
 from texbake.verbs.verb import THREADS, Extra, Options, Reads, Rows, Writes, paths_of, verb

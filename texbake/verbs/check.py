@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.baking.memory import PROCESS, TEXEL
@@ -12,6 +11,7 @@ from texbake.checks.bake_kinds import SEVERITIES
 from texbake.checks.kinds import CheckOptions
 from texbake.errors import MeshError, OptionError, UvError, quoted
 from texbake.files import PathLike
+from texbake.records import dataclass
 from texbake.verbs.step import (
     READ_FACE,
     Job,

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, check_distinct, check_picture, present_paths
+from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions
 from texbake.schema import Option, Size
 from texbake.verbs.verb import PAGE, REPORT, THREADS, Options, Reads, Writes, verb

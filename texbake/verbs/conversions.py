@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from texbake.baking.memory import MB, PROCESS
@@ -10,6 +9,7 @@ from texbake.baking.options import BakeOptions
 from texbake.errors import counted
 from texbake.files import PathLike
 from texbake.jobs.outputs import JobResult, present_paths
+from texbake.records import dataclass
 from texbake.texture.options import (
     CubeOptions,
     HeightToNormalOptions,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import TYPE_CHECKING, Any
 
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike
+from texbake.records import dataclass
 from texbake.schema import Size, option
 from texbake.verbs.verb import Extra, Options, Reads, Rows, verb
 

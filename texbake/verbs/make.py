@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import PROCESS
 from texbake.files import PathLike
 from texbake.mesh.parametric.options import MAX_TRIANGLES, SHAPES, MakeOptions
+from texbake.records import dataclass
 from texbake.schema import Option, option_of
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 from texbake.verbs.step import (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +11,7 @@ from texbake.baking.memory import MB, PROCESS
 from texbake.errors import OptionError, counted
 from texbake.files import PathLike, check_folder, make_folder
 from texbake.jobs.outputs import JobResult, check_distinct, check_mesh
+from texbake.records import dataclass
 from texbake.schema import Option
 from texbake.texture.options import PackOptions
 from texbake.verbs.step import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +11,7 @@ from texbake.baking.memory import PROCESS, memory_left
 from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, check_angle, check_target, error_limit
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, Option
 from texbake.verbs.step import FORMAT_OF_MESH, Job, Settings, n_faces, step_of
 from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, verb

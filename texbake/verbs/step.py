@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, fields, make_dataclass, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from texbake.progress import StageRecord
+from texbake.records import dataclass
 from texbake.schema import Option
 from texbake.verbs.verb import Options, Reads, Verb, declarations
 
@@ -130,10 +131,12 @@ def step_of(
     verb: Verb = function.verb  # type: ignore[attr-defined]
     base = options or next(part.kind for part in verb.of_kind(Options) if not part.apart)
     if format is not None:
-        base = make_dataclass(
-            base.__name__, [("format", Annotated[str, format[0]], format[1])], bases=(base,),
-            frozen=True, kw_only=True, namespace={"__doc__": base.__doc__},
-        )  # fmt: skip
+        values = {
+            "__doc__": base.__doc__,
+            "__annotations__": {"format": Annotated[str, format[0]]},
+            "format": format[1],
+        }
+        base = dataclass(frozen=True, kw_only=True)(type(base.__name__, (base,), values))
     parts = {part.role or part.name: part for part in verb.of_kind(Reads) if part.role is not None}
 
     def run(job: Job) -> dict[str, Any]:

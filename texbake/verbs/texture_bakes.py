@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +12,7 @@ from texbake.baking.texture.options import PhotoOptions, SolidOptions, TextureBa
 from texbake.errors import OptionError, counted
 from texbake.files import PathLike, make_folder
 from texbake.jobs.outputs import JobResult, present_paths
+from texbake.records import dataclass
 from texbake.schema import Option
 from texbake.verbs.step import FORMAT_OF_IMAGE, IMAGE_FORMATS, READ_FACE, n_faces, n_texels, step_of
 from texbake.verbs.verb import REPORT, THREADS, Extra, Options, Reads, Writes, verb

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +12,7 @@ from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike, make_folder
 from texbake.jobs.outputs import BARE_MESH_SUFFIXES, JobResult, check_uv_set, present_paths
 from texbake.mapping.options import UnwrapOptions
+from texbake.records import dataclass
 from texbake.schema import option_of
 from texbake.verbs.step import FORMAT_OF_MESH, n_faces, stage_seconds, step_of
 from texbake.verbs.verb import (

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, replace
 from functools import wraps
 from importlib import import_module
 from importlib.util import find_spec
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from texbake.files import appearing_together, check_folder, make_folder
+from texbake.records import dataclass
 from texbake.schema import THREADS_OPTION, option
 
 if TYPE_CHECKING:

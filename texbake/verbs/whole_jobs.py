@@ -6,13 +6,14 @@ The work itself is in `texbake.jobs`.
 from __future__ import annotations
 
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import PROCESS, bake_memory
 from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.jobs.options import DEMO_FOLDER, DemoOptions, LightenOptions, RunOptions, with_levels
+from texbake.records import dataclass
 from texbake.schema import option_of
 from texbake.verbs.step import (
     Job,

@@ -9,7 +9,6 @@ where they bend 6, so the check has an error of its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -40,6 +39,7 @@ from texbake.baking.texel_values import TexelSums
 from texbake.baking.texels import SampleGrid
 from texbake.baking.trace import Trace
 from texbake.core import portable_math as pm
+from texbake.records import dataclass
 from texbake.sampling.report import (
     SamplingReport,
     check_random,

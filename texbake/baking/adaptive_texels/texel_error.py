@@ -27,7 +27,6 @@ Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communic
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,6 +49,7 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
 from texbake.sampling.report import (
     ErrorSummary,

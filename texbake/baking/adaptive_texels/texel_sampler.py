@@ -12,7 +12,6 @@ evenly, and by one bound for the whole texel.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +31,7 @@ from texbake.baking.trace import Trace
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 NO_CHART = -1
 NO_CHILD = -1

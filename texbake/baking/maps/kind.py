@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from texbake.baking.hits import Float32Array, Hits

@@ -8,7 +8,7 @@ all tiles of one mesh are baked with one ray scene.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +40,7 @@ from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import Progress, Stages
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 from texbake.sampling.rounds import BudgetClock
 
 # Returns the images that change the rays of a set of maps.

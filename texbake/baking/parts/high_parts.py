@@ -6,7 +6,7 @@ A part is a group of a mesh, or a whole mesh. Groups and materials are numbered 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.objects import face_objects, object_names
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 

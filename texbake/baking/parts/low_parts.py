@@ -10,7 +10,6 @@ Based on: the UDIM convention of The Foundry's Mari, 1001 + column + 10 row.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
@@ -28,6 +27,7 @@ from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import shading_tangents
+from texbake.records import dataclass
 
 _COLUMNS = 10
 _LAST_TILE = 9999  # numbers have four digits

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from texbake.errors import MeshError, OptionError
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, option
 
 OCCLUDERS = ("all", "match")

@@ -6,7 +6,7 @@ The bakes of several parts are combined on one set of maps, then padded together
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from texbake.errors import FileError, counted
 from texbake.mesh.mesh import IntArray
 from texbake.progress import StageRecord, Stages
 from texbake.raycast.orientation import OrientationReport
+from texbake.records import dataclass
 from texbake.texture.image_formats import holds_floats
 from texbake.texture.value_range import channel_ranges, height_range
 

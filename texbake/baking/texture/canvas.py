@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cached_property
 from typing import Any
 
@@ -28,6 +28,7 @@ from texbake.files import PathLike
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.progress import Progress, StageRecord, Stages
+from texbake.records import dataclass
 from texbake.texture.image import write_image
 from texbake.texture.lookup import texel_coordinates
 from texbake.texture.padding import push_pull

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated, Any
 
 from texbake.baking.options import FILLS, PADDING_OPTION, SAMPLES
 from texbake.errors import OptionError
 from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.options.shared import TextureOptions
+from texbake.records import dataclass
 from texbake.schema import THREADS_OPTION, Option, option
 from texbake.texture.procedures.options import PROCEDURE_NAMES, checked_parameters
 

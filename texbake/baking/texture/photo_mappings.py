@@ -11,7 +11,6 @@ Kernel: `core/projected_pictures.c`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +29,7 @@ from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 
 # Points per band: some milliseconds of work.
 _BAND = 1 << 15

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +37,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.progress import Progress
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 from texbake.texture.image import Image, read_image
 from texbake.texture.mipmaps import mip_chain
 from texbake.texture.sample import sample

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from texbake.mesh.normals import with_shading_normals
 from texbake.mesh.transform import Y_FROM_Z
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.progress import Progress, Stages
+from texbake.records import dataclass
 from texbake.targets import PROGRAMS
 from texbake.texture.image import read_image
 from texbake.texture.image_files import write_layers

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from texbake.baking.options import CONVENTIONS
 from texbake.errors import OptionError, quoted
 from texbake.files import replacing
+from texbake.records import dataclass
 from texbake.schema import THREADS_OPTION, CheckedOptions, Option, option
 from texbake.targets import PROGRAMS, SETTINGS
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from texbake.mesh.frame import snapped
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
+from texbake.records import dataclass
 
 # Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
 # more than a factor of `_GOOD_ROOM`; without that room, charts would stay apart for the sake of a

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

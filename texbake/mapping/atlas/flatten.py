@@ -8,7 +8,7 @@ Kernels: `core/flatten.c`, which names the methods.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,7 +23,6 @@ departs in choosing the side by face, not by point, so that no face is torn.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -40,6 +39,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.topology import edge_ids
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 N_SIDES = 6
 

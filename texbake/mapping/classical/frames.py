@@ -20,8 +20,6 @@ Based on: the rotation that takes one unit vector to another without twist, afte
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -30,6 +28,7 @@ from texbake.mapping.options.projection import AXES
 from texbake.mapping.options.shared import Vector
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.records import dataclass
 
 # As a share of the largest coordinate: half a unit in the last place for the coordinate, the
 # center, their difference, and each step of the rotation into the frame.

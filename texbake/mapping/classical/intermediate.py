@@ -19,8 +19,6 @@ Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and A
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -31,6 +29,7 @@ from texbake.mapping.classical.frames import LocalPoints, wrap_angles
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated
 
 from texbake.errors import OptionError, quoted
 from texbake.mapping.options.projection import ProjectionOptions, TransformOptions
 from texbake.mapping.options.shared import TextureOptions
 from texbake.mesh.options import ANGLE_OPTION, DEFAULT_ANGLE, NORMALS_OPTION, check_angle
+from texbake.records import dataclass
 from texbake.schema import option
 
 QUALITIES = ("fast", "good", "best")

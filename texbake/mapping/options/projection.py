@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from texbake.errors import OptionError, quoted
@@ -15,6 +14,7 @@ from texbake.mapping.options.shared import (
     check_interval,
     check_numbers,
 )
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, option
 
 if TYPE_CHECKING:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from numbers import Real
 
 from texbake.errors import OptionError
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, Size, option
 
 Vector = tuple[float, float, float]

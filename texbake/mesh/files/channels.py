@@ -14,12 +14,13 @@ rendering", Clara.io, 2015.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from types import MappingProxyType
 
 from texbake.mesh.files.conversion import media_type
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, MeshMaterial
+from texbake.records import dataclass
 
 _RGB = (0, 1, 2)
 _RED, _GREEN, _BLUE, _ALPHA = (0,), (1,), (2,), (3,)

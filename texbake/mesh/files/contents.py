@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +21,7 @@ from texbake.mesh.files.mtl import IMAGES, VALUES, library_names, library_statem
 from texbake.mesh.files.obj import read_obj_text
 from texbake.mesh.files.obj_write import uv_set_names_beside
 from texbake.mesh.files.unread_parts import unread_parts
+from texbake.records import dataclass
 
 if TYPE_CHECKING:
     from texbake.mesh.files.fbx_scene import FbxObject, FbxScene

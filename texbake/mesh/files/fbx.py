@@ -26,7 +26,7 @@ format specification", Blender developers' blog, 2013.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +54,7 @@ from texbake.mesh.hard_edges import Polygons, smoothed_normals
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners, unique_rows
+from texbake.records import dataclass
 
 _FIRST_VERSION = 6000
 # A file may place this many triangles, or corners per byte: instances can repeat a few very often.

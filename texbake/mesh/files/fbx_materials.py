@@ -22,7 +22,7 @@ import base64
 import math
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import chain
 from pathlib import PurePosixPath
 from typing import Any
@@ -48,6 +48,7 @@ from texbake.mesh.materials import (
     is_sheared,
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
+from texbake.records import dataclass
 
 _COLORS = ("DiffuseColor", "Diffuse")
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Any
 
@@ -30,6 +30,7 @@ from texbake.files import PathLike
 from texbake.mesh.files.fbx_nodes import Node, read_nodes
 from texbake.mesh.files.source import decode_name, parsed, read_array, short_name
 from texbake.mesh.mesh import FloatArray
+from texbake.records import dataclass
 
 Id = int | str
 _TEXTURES = ("Texture", "LayeredTexture")

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ from texbake.mesh.files.gltf_primitives import (
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.files.unread_parts import warn_of_pose
 from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count, require_few_sets
+from texbake.records import dataclass
 
 MAX_TRIANGLES = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.

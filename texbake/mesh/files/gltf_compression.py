@@ -20,7 +20,7 @@ Based on:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import MappingProxyType
 from typing import Any
 
@@ -30,6 +30,7 @@ import numpy.typing as npt
 from texbake.errors import MeshError, quoted, require_library
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.records import dataclass
 
 EXTENSION = "EXT_meshopt_compression"
 DRACO = "KHR_draco_mesh_compression"

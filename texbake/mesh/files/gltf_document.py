@@ -11,7 +11,7 @@ from __future__ import annotations
 import base64
 import json
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NoReturn
@@ -26,6 +26,7 @@ from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import ByteArray, Cursor, parsed, read_array, without_cycle_search
+from texbake.records import dataclass
 
 MAGIC = b"glTF"
 JSON_CHUNK = 0x4E4F534A

@@ -19,7 +19,7 @@ from __future__ import annotations
 import base64
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -43,6 +43,7 @@ from texbake.mesh.materials import (
     Placing,
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
+from texbake.records import dataclass
 
 _NO_IMAGE = "a texture has no image in a supported format"
 # Material extensions that are read, and their parts that are not.

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -25,6 +24,7 @@ from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
 from texbake.mesh.mesh import FloatArray, IntArray, UvSet, require_few_sets
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 """Modes of primitives."""

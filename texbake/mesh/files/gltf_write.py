@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -44,6 +44,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
 from texbake.mesh.weld import unique_rows
+from texbake.records import dataclass
 
 # Share of the picture's area that the finest level is shown from on; each next one from a quarter
 # of it, which is half the height.

@@ -9,7 +9,6 @@ Based on: G. Turk, "The PLY Polygon File Format", 1994.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +19,7 @@ from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.limits import whole_number
 from texbake.mesh.files.source import ByteArray
+from texbake.records import dataclass
 
 # numpy's code of each type, without byte order.
 TYPES = {

@@ -18,7 +18,6 @@ Based on: Pixar, "Universal Scene Description", UsdGeom, release 26.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -35,6 +34,7 @@ from texbake.mesh.files.usd_stage import meters_per_unit, open_stage, reporting_
 from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners
+from texbake.records import dataclass
 
 _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 

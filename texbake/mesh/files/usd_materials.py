@@ -10,7 +10,7 @@ Based on: Pixar, "UsdPreviewSurface Specification", version 2.6.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ from texbake.mesh.materials import (
     Placing,
 )
 from texbake.mesh.mesh import Mesh
+from texbake.records import dataclass
 
 _INPUTS = [where for where in FILE_CHANNELS.values() if where.usd]
 # Channels that another default of a mesh's material makes necessary.

@@ -12,8 +12,6 @@ positions on the lattice are counted in half steps: line k is 2 k.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -22,6 +20,7 @@ from texbake.mesh.compose import used_rows
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import repeated_vertices
 from texbake.mesh.weld import unique_rows
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 

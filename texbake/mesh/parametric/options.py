@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Any
 
 from texbake.errors import OptionError
+from texbake.records import dataclass
 from texbake.schema import CheckedOptions, Option, option
 
 # Making this many takes about 6 GB: 4 million triangles of patches were measured to take 1.2 GB.

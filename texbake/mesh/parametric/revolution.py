@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -42,6 +41,7 @@ from texbake.mesh.parametric.grid import (
     part_way,
 )
 from texbake.mesh.parametric.options import check_triangles
+from texbake.records import dataclass
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ Kernel: `core/narrow_band.c`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -19,6 +18,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.options import MIN_RESOLUTION, RemeshOptions
 from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # As in `core/voxel_grid.h`.
 BLOCK_SIDE, BLOCK_POINTS = 8, 512

@@ -11,8 +11,6 @@ open surfaces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
@@ -33,6 +31,7 @@ from texbake.mesh.topology import (
     surface_side,
 )
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]

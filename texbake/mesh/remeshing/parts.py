@@ -7,7 +7,6 @@ Winding numbers say what is inside: 1 in a closed surface that faces outwards, 0
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -20,6 +19,7 @@ from texbake.mesh.distance import face_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import face_components
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # In voxels. The surface around a single point of the grid is a voxel across, unless it is moved.
 _LEAST_VOLUME, _LEAST_SIZE = 1.0, 1.5

@@ -12,7 +12,6 @@ Kernels: `core/grid_flood.c`, `core/narrow_band.c`, `core/surface_nets.c` and `c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -23,6 +22,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.band import BLOCK_POINTS, CORE, OUTSIDE, ROOM, SHELL, SHELL_DEPTH, Band
 from texbake.mesh.topology import face_components
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
 Labels = npt.NDArray[np.uint8]

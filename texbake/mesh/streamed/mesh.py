@@ -7,7 +7,6 @@ triangles, but for one bit for each vertex.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from texbake.mesh.normals import add_angle_weighted, fill_canceled, normalize_su
 from texbake.mesh.streamed.source import Marks, MeshSource, open_source
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 _FACES_PER_BAND = 1 << 15
 

@@ -9,7 +9,6 @@ Surfaces that meet at an edge or in a point can be in different pieces; they may
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.piecewise import reduce_pieces
 from texbake.mesh.streamed.mesh import StreamedMesh
+from texbake.records import dataclass
 
 # Meshes of more triangles are reduced in pieces, which costs less memory and no more time.
 MOST_IN_MEMORY = 1 << 24

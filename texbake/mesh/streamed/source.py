@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import mmap
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,6 +33,7 @@ from texbake.mesh.files.source import ByteArray
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.polygons import triangulated
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # Rows that are read at once.
 ROWS_PER_BLOCK = 1 << 19

@@ -21,7 +21,7 @@ Kernel: `core/sample_statistics.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
 from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
@@ -31,6 +31,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.effects.transparency import LayeredSamples
 from texbake.sampling.bounds import CODES, format_codes
 from texbake.sampling.report import (
@@ -51,7 +52,7 @@ Float32Array = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
 
 
-@dataclass(frozen=True, order=True)
+@dataclasses.dataclass(frozen=True, order=True)
 class Sides:
     """Samples and shaded cells along one side of a pixel; `shaded` divides `seen`."""
 

@@ -45,7 +45,7 @@ Kernel: `core/bump_maps.c`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -54,6 +54,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import transformed_normals
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.lights import incident

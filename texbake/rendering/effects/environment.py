@@ -19,13 +19,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect

@@ -13,12 +13,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row

@@ -24,12 +24,11 @@ Kernel: `core/parallax.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals

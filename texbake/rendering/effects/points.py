@@ -13,13 +13,13 @@ Kernel: `core/interpolation.c`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.fragments import Fragments
 from texbake.rendering.request import RenderRequest

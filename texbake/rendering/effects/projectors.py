@@ -32,13 +32,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray
+from texbake.records import dataclass
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
 from texbake.rendering.effects.lights import PlacedLight, cookie_extent, place_light, reaches_any

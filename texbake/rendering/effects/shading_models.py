@@ -31,7 +31,7 @@ Kernel: `core/lamps.c`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -39,6 +39,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.lights import incident
 from texbake.rendering.fragments import Floats, Fragments, IncidentLight, three_weights

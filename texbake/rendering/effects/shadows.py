@@ -38,13 +38,13 @@ Kernel: `core/shadow_maps.c`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.lights import place_light, placed_light
 from texbake.rendering.effects.shadow_fit import (

@@ -14,7 +14,7 @@ architecture", SIGGRAPH 1987, for dicing by size on the screen.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import shading_tangents
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.rendering.displaced import (
     BaseSurface,
     Displaced,

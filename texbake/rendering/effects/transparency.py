@@ -18,13 +18,14 @@ Kernel: `core/compositing.c`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.mesh import IntArray
+from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors

@@ -11,7 +11,7 @@ left with v up, and texture transforms are converted accordingly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from texbake.mesh.files.gltf_materials import (
     image_source,
     read_material,
 )
+from texbake.records import dataclass
 from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
 from texbake.texture.image import Image, decode_image, require_whole

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from texbake.errors import OptionError
+from texbake.records import dataclass
 from texbake.rendering.scene.textures import ImageTexture, Rgb
 from texbake.schema import check_fields, option
 

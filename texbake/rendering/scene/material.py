@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated
 
@@ -21,6 +20,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mapping.classical.projector import whole_matrix
 from texbake.mesh.mesh import FloatArray, frozen
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.scene.lights import Vector
 from texbake.rendering.scene.textures import (

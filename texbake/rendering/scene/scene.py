@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +19,7 @@ from texbake.errors import OptionError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.compose import transformed
 from texbake.mesh.mesh import FloatArray, Mesh, frozen
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera, axes_toward
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Lighting, Vector

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
+from texbake.records import dataclass
 from texbake.schema import Option, check_fields, option
 
 if TYPE_CHECKING:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.shapes import grid_sphere, orange, peel_radii, plane, uv_sphere
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 from texbake.study.bench.beveled_box import beveled_box, box_value, cube_with_uvs
 from texbake.study.bench.gyroid import Gyroid
 from texbake.study.knob import StudyPair, low_with_uvs

@@ -8,7 +8,6 @@ renderer does.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import FloatArray
+from texbake.records import dataclass
 from texbake.study.bench.cases import BenchCase, pair_files
 from texbake.study.bench.programs import Product
 from texbake.study.knob import Evaluation

@@ -13,10 +13,11 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
+from texbake.records import dataclass
 from texbake.study.options import BLENDER_VARIABLE, BenchOptions
 
 Settings = list[tuple[str, dict[str, Any]]]

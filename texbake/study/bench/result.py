@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from texbake.records import dataclass
 from texbake.study.bench.map_tasks import BenchTask
 from texbake.study.options import BenchOptions
 from texbake.study.result import Measurement, ParetoRanking, pareto_front

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +14,7 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions

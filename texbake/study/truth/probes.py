@@ -11,7 +11,6 @@ would give too much weight to parts with differing normals.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -34,6 +33,7 @@ from texbake.mesh.tangents import shading_tangents
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 from texbake.study.knob import StudyPair
 from texbake.study.truth.surfaces import Surface
 from texbake.texture.lookup import lookup

@@ -8,7 +8,6 @@ approximate for noise, whose octaves fade to their mean.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.procedures.noise import fractal, noise, turbulence, value_noise, worley
 from texbake.texture.procedures.options import (
     COLORED_PROCEDURES,

@@ -41,7 +41,6 @@ Worley's in having one point per cell, which leaves no large gaps. Kernel: `core
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import product
 from typing import Any
@@ -51,6 +50,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 from texbake.texture.procedures.options import INTERPOLATIONS, checked_parameters
 from texbake.texture.procedures.points import (
     BAND,

@@ -39,7 +39,6 @@ factor a before the turbulence, without which (a = 1) veins are hardly bent. Ker
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any
 
@@ -47,6 +46,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.records import dataclass
 from texbake.texture.procedures.noise import WEIGHTS, gradients, lattice, squared_amplitudes
 from texbake.texture.procedures.options import DEFAULT_RAMPS
 from texbake.texture.procedures.points import ProcedurePoints, Work, unit_vector

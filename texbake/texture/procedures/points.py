@@ -7,7 +7,6 @@ Kernels read points and widths with `core/procedure_points.h`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
+from texbake.records import dataclass
 
 # A function that evaluates the points start to stop - 1.
 Work = Callable[[int, int], None]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,6 +31,7 @@ from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 # Small pieces are cut together, about this many faces at a time.
 _BATCH_FACES = 1_000

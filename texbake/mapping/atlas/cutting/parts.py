@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -23,6 +22,7 @@ from texbake.mapping.seams import merged_labels
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 # Rounds of averaging normals over neighbors beforehand, so that noise makes no creases.
 _SMOOTHINGS = 1

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,6 +31,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 _WORKER = "texbake.mapping.atlas.cutting.cut_worker"
 _DOES_NOT_LOAD = 3  # exit code of the worker if xatlas does not load

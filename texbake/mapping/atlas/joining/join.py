@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 _GUESSED, _ROUGH, _FULL = 0, 6, 30  # iterations of `flatten` that a cost is based on
 _BATCH = 8  # candidates flattened at the same time, for any number of threads

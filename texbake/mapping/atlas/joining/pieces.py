@@ -8,7 +8,7 @@ there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.topology import next_half_edges
 from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
 
 LongArray = npt.NDArray[np.int64]
 

@@ -5,13 +5,12 @@ Kernel: `core/chart_stitching.c`, which says where charts are stitched.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from texbake.core import core
 from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
 from texbake.mesh.mesh import IntArray
+from texbake.records import dataclass
 
 # Cost of a merge that makes nothing worse; the one that stitches most of a border is then first.
 _LEAST_COST = 1e-3

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
+from texbake.records import dataclass
 
 _MOST_CELLS = 1024  # cells along the longer side of the grid, for few charts
 _CELLS_A_CHART = 12  # along the side of a chart, for many

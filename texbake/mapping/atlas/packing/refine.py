@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from texbake.mapping.atlas.packing.bitmaps import (
     shapes_of,
 )
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 
 # Texels by which charts are enlarged: half of the 1/256 texel that rasterizers snap to, which is
 # also more than a float32 file loses of a coordinate.

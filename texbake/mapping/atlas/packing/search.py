@@ -14,7 +14,6 @@ Journal of Operational Research 258, 2017 (which changes of the order are kept).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +27,7 @@ from texbake.mapping.atlas.packing.refine import (
     separate,
 )
 from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.records import dataclass
 
 _COARSE_CELLS = 256  # along each side of a square coarse grid
 _N_POSES = 8  # per quarter turn, on the coarse grid

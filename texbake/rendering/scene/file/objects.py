@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +20,7 @@ from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.parametric.make import make
 from texbake.mesh.parametric.options import SHAPES, MakeOptions
 from texbake.progress import Progress
+from texbake.records import dataclass
 from texbake.rendering.scene.file.materials import MaterialOf, Matrix, ProjectorMatrix
 from texbake.rendering.scene.file.tables import Table, built_by, described, table, types_of_fields
 from texbake.rendering.scene.file.values import (

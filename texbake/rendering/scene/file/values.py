@@ -12,7 +12,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from difflib import get_close_matches
 from pathlib import Path, PurePath
 from typing import Annotated, Any
@@ -31,6 +31,7 @@ from pydantic_core import PydanticCustomError
 from texbake.errors import FileError, FileFormatError, OptionError, TexbakeError, quoted, shortened
 from texbake.files import PathLike, require_file
 from texbake.limits import LONGEST_NAME
+from texbake.records import dataclass
 from texbake.schema import JsonSchema
 
 # Kinds of errors to report first, since they may cause others: a misspelled key is also missing.
