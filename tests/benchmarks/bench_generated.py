@@ -186,19 +186,28 @@ def measured(program, path, folder):
     }
 
 
-def run(*, count=200, first=0, limit=300, least=0, most=MOST, programs=PROGRAMS, log=""):
-    """Make meshes and finish them by both programs, each in a process of its own."""
+def read_from(path, file):
+    """Write the mesh of a file as `made` does; return its number of faces."""
+    import texbake
+
+    mesh = texbake.read_mesh(file)
+    np.savez(path, vertices=mesh.positions, faces=mesh.faces)
+    return mesh.n_faces
+
+
+def run(*files, count=200, first=0, limit=300, least=0, most=MOST, programs=PROGRAMS, log=""):
+    """Make meshes, or read files, and finish them by both programs, each in its own process."""
     rows = []
-    row = table("seed", "kind", "faces", "program", "seconds", "processor s", "result")
+    row = table("mesh", "kind", "faces", "program", "seconds", "processor s", "result")
+    seeds = [seed for seed in range(first, first + count) if least <= wanted(seed)[1] <= most]
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/mesh.npz"
-        for seed in range(first, first + count):
-            kind, n_faces = wanted(seed)
-            if not least <= n_faces <= most:
-                continue
-            n_faces = in_child(made, path, seed)
+        for source in files or seeds:
+            kind = "file" if files else wanted(source)[0]
+            n_faces = in_child(read_from if files else made, path, source)
             for program in programs:
-                found = {"seed": seed, "kind": kind, "faces": n_faces, "program": program}
+                name = Path(source).name if files else source
+                found = {"mesh": name, "kind": kind, "faces": n_faces, "program": program}
                 try:
                     found |= in_child(measured, program, path, folder, timeout=limit)
                 except subprocess.TimeoutExpired:
@@ -208,7 +217,7 @@ def run(*, count=200, first=0, limit=300, least=0, most=MOST, programs=PROGRAMS,
                 rows.append(found)
                 result = found.get("failed") or f"{found['n_faces']:,} {found['border']}"
                 times = (f"{found.get(key, 0):.1f}" for key in ("seconds", "processor"))
-                row(seed, kind, f"{n_faces:,}", program, *times, result)
+                row(name, kind, f"{n_faces:,}", program, *times, result)
                 if log:
                     with Path(log).open("a", encoding="utf-8") as file:
                         file.write(json.dumps(found) + "\n")

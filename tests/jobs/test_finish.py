@@ -175,6 +175,7 @@ def test_the_same_for_any_number_of_threads_and_samples(ball, tmp_path):
 
             def sample(points, normals, heard=heard):
                 heard.add(threading.get_ident())
+                assert len(points) <= 262_144
                 return {"color": by_height(points, normals), "metallic": points[:, 0] > 10}
 
             done = finish(*ball, sample=sample, threads=threads, samples=samples, **SMALL)
@@ -334,6 +335,19 @@ def test_flying_bits_are_left_out(radius, options, n_kept):
     assert face_components(done.high.faces, done.high.n_vertices)[1] == n_kept
     said = [line for line in done.warnings if "left out 30 parts" in line]
     assert len(said) == (n_kept == 1)
+
+
+@pytest.mark.parametrize("scale, offset", [(1e-25, 0.0), (1e30, 0.0), (1.0, 1e6)])
+def test_a_model_of_any_size_and_place(scale, offset, ball):
+    def sample(points, normals):
+        heights = (points[:, 1:2] / scale - offset + 2.0) / 4.0
+        return np.repeat(heights, 3, axis=1)
+
+    done = finish((ball[0] + offset) * scale, ball[1], sample=sample, linear=True, **SMALL)
+    colors = done.maps["base-color"]
+    points = texbake.atlas_points(done.mesh, 64)
+    expected = (points.positions[..., 1] / scale - offset + 2.0) / 4.0
+    assert np.abs(colors.values[..., 0] - expected)[points.mask & colors.has_data].max() < 0.06
 
 
 def test_a_negative_least_part_is_an_error(ball):

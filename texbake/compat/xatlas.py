@@ -3,8 +3,8 @@
     import texbake.compat.xatlas as xatlas
 
 Arguments, results and exceptions are those of xatlas-python 0.0.11. A mesh is unwrapped by
-`texbake.unwrap`: the same charts at any size and position of the model, and never a hang. What
-differs is named at the options: those that steer how xatlas grows and places charts have no effect.
+`texbake.unwrap`, so its charts are the same at any size and position of the model. What differs is
+named at the options: those that steer how xatlas grows and places charts have no effect.
 
 Based on: Markus Worchel, xatlas-python, 2020; Jonathan Young, xatlas, 2018.
 """
@@ -218,9 +218,6 @@ class Atlas:
 
     def __len__(self) -> int:
         return self.mesh_count
-
-    def __iter__(self) -> Iterator[MeshArrays]:
-        return (self.get_mesh(i) for i in range(len(self)))
 
     def get_mesh_vertex_assignment(self, mesh_index: int) -> tuple[UintArray, UintArray]:
         """Return the texture and the chart of each vertex of the atlas."""

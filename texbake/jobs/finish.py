@@ -41,6 +41,7 @@ from texbake.texture.encoding import decode_srgb
 Sample = Callable[[FloatArray, FloatArray], Any]
 
 FINISH_OPTIONS = RunOptions(n_faces=10_000, compare="off")
+_BATCH = 1 << 18  # most points of a call
 _PROBES = 16  # points with which the function is tried before the work begins
 # Names under which functions may return channels, beside those of `CHANNELS`.
 _SYNONYMS = {"color": "base-color", "opacity": "alpha"}
@@ -211,7 +212,7 @@ def _without_bits(
 ) -> tuple[Mesh, tuple[str, ...]]:
     """Leave out the small parts of a mesh, and say so."""
     parts, _ = face_components(mesh.faces, mesh.n_vertices)
-    areas = surface_areas(mesh.positions[mesh.faces])
+    areas = surface_areas(mesh.positions[mesh.faces] / mesh.diagonal)
     shares = np.bincount(parts, areas) / areas.sum()
     small = shares < min(
         1.0 / (n_faces or mesh.n_faces) if least is None else least, shares.max() / 2.0
@@ -260,15 +261,18 @@ class _Sampler:
 
     def at(self, points: FloatArray, normals: FloatArray) -> Mapping[str, npt.NDArray[np.float32]]:
         """Return linear values of each channel."""
-        if len(points) == 0:
-            return {name: np.zeros((0, n), np.float32) for name, n in self._widths.items()}
-        found = self._call(points, normals)
-        if set(found) != set(self._widths):
-            raise OptionError(
-                f"sample: it returned {', '.join(found)} after {', '.join(self._widths)}; return "
-                "the same channels each time"
-            )
-        return found
+        values = {name: np.empty((len(points), n), np.float32) for name, n in self._widths.items()}
+        for start in range(0, len(points), _BATCH):
+            rows = slice(start, start + _BATCH)
+            found = self._call(points[rows], normals[rows])
+            if found.keys() != values.keys():
+                raise OptionError(
+                    f"sample: it returned {', '.join(found)} after {', '.join(values)}; return "
+                    "the same channels each time"
+                )
+            for name, of_rows in found.items():
+                values[name][rows] = of_rows
+        return values
 
     def _call(self, points: FloatArray, normals: FloatArray) -> dict[str, npt.NDArray[np.float32]]:
         n = len(points)
