@@ -123,9 +123,12 @@ def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
     is_one_sided[parts[first[is_torn]]] = True
     is_open = is_one_sided.copy()
     is_open[parts[pairs.at_other_edges]] = True
-    a, b, c = np.moveaxis(LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces], 1, 0)
+    of_closed = ~is_open[parts]
+    corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces[of_closed]]
+    a, b, c = np.moveaxis(corners, 1, 0)
     cones = pm.vecdot(a, np.cross(b, c))  # volumes between the faces and the middle of the mesh
-    volumes = np.bincount(parts, cones * np.where(flips, -1, 1), n)
+    signed = cones * np.where(flips[of_closed], -1, 1)
+    volumes = np.bincount(parts[of_closed], signed, n)
     most_turned = 2 * np.bincount(parts, flips, n) > np.bincount(parts, minlength=n)
     inside_out = np.where(is_open, most_turned, volumes < 0.0)
     return np.asarray((flips ^ inside_out[parts]) & ~is_one_sided[parts])

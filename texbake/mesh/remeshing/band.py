@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, OptionError
+from texbake.mesh.distance import face_areas
 from texbake.mesh.frame import LocalFrame, snapped
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.options import MIN_RESOLUTION, RemeshOptions
@@ -33,7 +34,7 @@ SHELL_DEPTH = 0.9
 # More than `_STACK` faces that are near more layers of blocks than this, on average, may be copies.
 # Those that are equal to a millionth of a voxel count as such.
 _MOST_LAYERS_A_FACE, _STACK, _COPY_GRID = 4, 256, 2.0**20
-
+_FACES_PER_BAND = 1 << 14
 
 # Points that all faces together may be near: this many, or this many times those of the grid. And
 # blocks in the bounding boxes of all faces together: each face looks at those in its own.
@@ -77,7 +78,7 @@ class Band:
             if np.count_nonzero(copies) > _STACK:
                 faces = faces[~copies]
                 listed, starts = _faces_of_layers(positions, faces, shape[0])
-        grid.require_room(positions, faces)
+        grid.require_room(positions, faces, threads)
         mesh = (positions, faces, listed, starts)
         active = np.zeros(shape, dtype=np.bool_)
         mark = partial(core.mark_band_blocks, *mesh, active, BAND_WIDTH)
@@ -108,10 +109,12 @@ def _faces_of_layers(
     positions: FloatArray, faces: IntArray, n_layers: int
 ) -> tuple[IntArray, npt.NDArray[np.int64]]:
     """List the faces near each layer of blocks, in their order, and where each list starts."""
-    along = positions[:, 0][faces]
+    along = np.ascontiguousarray(positions[:, 0])
+    a, b, c = (along[faces[:, corner]] for corner in range(3))
     scale = 1.0 / BLOCK_SIDE
-    first = np.floor((along.min(axis=1) - BAND_WIDTH) * scale).astype(np.int64)
-    last = np.floor((along.max(axis=1) + BAND_WIDTH) * scale).astype(np.int64)
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+    first = np.floor((low - BAND_WIDTH) * scale).astype(np.int64)
+    last = np.floor((high + BAND_WIDTH) * scale).astype(np.int64)
     np.clip(first, 0, n_layers - 1, out=first)
     np.clip(last, 0, n_layers - 1, out=last)
     counts = last - first + 1
@@ -177,13 +180,19 @@ class Grid:
         """(V, 3) voxels to model units."""
         return self.frame.to_model(positions * self.side + self.low)
 
-    def require_room(self, positions: FloatArray, faces: IntArray) -> None:
+    def require_room(self, positions: FloatArray, faces: IntArray, threads: int | None) -> None:
         """Raise `MeshError` for triangles, in voxels, that fill the grid many times over."""
-        a, b, c = (positions[faces[:, corner]] for corner in range(3))
-        areas = 0.5 * pm.norm(np.cross(b - a, c - a), axis=1)
-        n_points = 2.0 * BAND_WIDTH * float(areas.sum())
-        sizes = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
-        n_blocks = float(np.prod(sizes / BLOCK_SIDE + 1.0, axis=1).sum())
+        n_points = 2.0 * BAND_WIDTH * float(face_areas(positions, faces, threads=threads).sum())
+        blocks = np.empty(len(faces))
+
+        def count_blocks(start: int, stop: int) -> None:
+            a, b, c = (positions[faces[start:stop, corner]] for corner in range(3))
+            sizes = np.maximum(np.maximum(a, b), c) - np.minimum(np.minimum(a, b), c)
+            x, y, z = (sizes / BLOCK_SIDE + 1.0).T
+            np.multiply(x * y, z, out=blocks[start:stop])
+
+        run_bands(count_blocks, len(faces), band=_FACES_PER_BAND, threads=threads)
+        n_blocks = float(blocks.sum())
         whole = float(np.prod(self.shape)) * BLOCK_POINTS
         if n_points <= max(_MOST_POINTS, _MOST_FILLS * whole) and n_blocks <= _MOST_BLOCKS:
             return

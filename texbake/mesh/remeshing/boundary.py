@@ -23,6 +23,7 @@ from texbake.mesh.polygons import cut_polygons, next_corners
 from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.repair import misoriented
 from texbake.mesh.topology import (
+    MeshEdges,
     edge_neighbors,
     euler_characteristic,
     face_components,
@@ -50,12 +51,12 @@ class Loops:
     parts: IntArray
 
     @classmethod
-    def of(cls, points: FloatArray, faces: IntArray) -> Loops:
+    def of(cls, points: FloatArray, faces: IntArray, edges: MeshEdges | None = None) -> Loops:
         """Find the loops.
 
-        `points` (V, 3) float64; `faces` (F, 3) int32.
+        `points` (V, 3) float64; `faces` (F, 3) int32; `edges`: of the faces, if they are known.
         """
-        edges = find_edges(faces)
+        edges = find_edges(faces) if edges is None else edges
         odd = edges.vertices[edges.n_faces % 2 == 1]
         loops = _traced(odd.tolist())
         if not loops:
@@ -177,6 +178,25 @@ _SMALL = 0.1
 _CLOSED = "it has no boundary"
 
 
+@dataclass(frozen=True)
+class _EdgeFigures:
+    """What the edges of a surface tell about it."""
+
+    n_torn: int  # edges of more than two faces, or of two that do not wind alike
+    n_misoriented: int  # the latter
+    euler: int  # vertices - edges + faces
+
+    @classmethod
+    def of(cls, faces: IntArray, edges: MeshEdges) -> _EdgeFigures:
+        """Count them."""
+        misoriented = edges.misoriented
+        return cls(
+            n_torn=int(np.count_nonzero(edges.non_manifold | misoriented)),
+            n_misoriented=int(np.count_nonzero(misoriented)),
+            euler=euler_characteristic(faces, edges),
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Kind:
     """A surface whose vertices at one place are one."""
@@ -189,6 +209,7 @@ class Kind:
     is_open: bool  # whether most of its area is of open surfaces
     is_one_sided: bool  # whether neighbors cannot wind alike everywhere, as on a Möbius strip
     reason: str  # why, as the end of a sentence
+    figures: _EdgeFigures | None = None  # None: not counted yet
 
 
 # Of a surface that is wrapped without being examined.
@@ -207,12 +228,16 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
         return Kind(faces, NO_LOOPS, np.zeros(1, dtype=np.bool_), False, False, _CLOSED)
     faces = np.ascontiguousarray(faces[~repeated_vertices(faces)], dtype=np.int32)
     parts, n_parts = face_components(faces, len(points))
-    loops = Loops.of(points, faces)
+    edges = find_edges(faces)
+    loops = Loops.of(points, faces, edges)
     none = np.zeros(n_parts, dtype=np.bool_)
     if len(loops.sizes) == 0:
         return Kind(faces, loops, none, False, False, _CLOSED)
-    faces = oriented(points, faces)
-    edges = find_edges(faces)
+    alike = oriented(points, faces)
+    if alike is not faces:
+        faces, edges = alike, find_edges(alike)
+    figures, n_edges = _EdgeFigures.of(faces, edges), len(edges.vertices)
+    del edges
     areas = face_areas(points, faces, threads=threads)
     length, area = float(loops.lengths.sum()), float(areas.sum())
     looked_at, seen = _seen_through_holes(points, faces, areas, threads)
@@ -227,18 +252,20 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
         open_parts = has_boundary
         share = f"closing it would add at least {100.0 * least / area:.0f} % to its area"
     is_open = 2.0 * float(areas[open_parts[parts]].sum()) > area
-    is_one_sided = bool(np.count_nonzero(edges.misoriented) > _TORN * len(edges.vertices))
-    n_bad = np.count_nonzero(edges.non_manifold | edges.misoriented)
-    if n_bad > _TORN * len(edges.vertices):
-        is_open, share = False, f"its two sides cannot be told apart at {n_bad:,} edges"
+    is_one_sided = figures.n_misoriented > _TORN * n_edges
+    if figures.n_torn > _TORN * n_edges:
+        is_open, share = False, f"its two sides cannot be told apart at {figures.n_torn:,} edges"
     elif is_open and area < _NARROW * length:
         is_open, share = False, "its sheets are too narrow for these voxels"
-    return Kind(faces, loops, open_parts, is_open, is_one_sided, share)
+    return Kind(faces, loops, open_parts, is_open, is_one_sided, share, figures)
 
 
 def oriented(points: FloatArray, faces: IntArray) -> IntArray:
-    """Faces that wind like their neighbors, where that is possible."""
-    turned = misoriented(Mesh(positions=points, faces=faces))[:, None]
+    """Faces that wind like their neighbors, where that is possible; those given if they do."""
+    turned = misoriented(Mesh(positions=points, faces=faces))
+    if not turned.any():
+        return faces
+    turned = turned[:, None]
     return np.ascontiguousarray(np.where(turned, faces[:, ::-1], faces), dtype=np.int32)
 
 
@@ -328,11 +355,11 @@ def require_topology(
         )
     if not kind.is_open and (n_parts > 1 or n_handles == 0):
         return 0
-    edges = find_edges(kind.faces)
-    if not kind.is_open and (edges.non_manifold | edges.misoriented).any():
+    figures = kind.figures or _EdgeFigures.of(kind.faces, find_edges(kind.faces))
+    if not kind.is_open and figures.n_torn:
         return 0
     n_given = len(kind.loops.sizes)
-    loops = max(2 * n_parts - euler_characteristic(kind.faces, edges), n_given)
+    loops = max(2 * n_parts - figures.euler, n_given)
     n_made = n_handles - (loops - n_given) // 2
     if kind.is_open:
         # Parts that cross are joined, maybe at several places.
