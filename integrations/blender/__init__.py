@@ -16,20 +16,20 @@ class ObjectMenu(bpy.types.Menu):
     bl_idname = "TEXBAKE_MT_object"
     bl_label = "texbake"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """List them."""
         self.layout.operator_context = "INVOKE_DEFAULT"
         for name in settings.GROUPS:
             self.layout.operator(f"texbake.{name}")
 
 
-def draw_object_menu(self, context):
+def draw_object_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Add the menu."""
     self.layout.separator()
     self.layout.menu("TEXBAKE_MT_object")
 
 
-def draw_uv_menu(self, context):
+def draw_uv_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
     """Add what UV editors need."""
     self.layout.separator()
     self.layout.operator_context = "INVOKE_DEFAULT"
@@ -43,7 +43,7 @@ class Panel:
     bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "texbake"
     group = ""
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw the settings, and the button below them."""
         layout = self.layout
         layout.use_property_split = True
@@ -60,7 +60,7 @@ class Panel:
         layout.operator(f"texbake.{self.group}")
 
 
-def _panel(number, group, label):
+def _panel(number: int, group: str, label: str) -> type:
     """Return the class of a panel."""
     fields = {
         "bl_idname": f"TEXBAKE_PT_{group}", "bl_label": label, "bl_order": number, "group": group,
@@ -80,7 +80,7 @@ class FindingsPanel(bpy.types.Panel):
     bl_label = "Findings"
     bl_parent_id = "TEXBAKE_PT_check"
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Draw a button for each finding, which selects its faces."""
         listed = context.window_manager.texbake_findings
         icons = {"error": "CANCEL", "warning": "ERROR", "note": "INFO"}
@@ -97,7 +97,7 @@ CLASSES = (
 )  # fmt: skip
 
 
-def register():
+def register() -> None:
     """Add everything to Blender."""
     for item in CLASSES:
         bpy.utils.register_class(item)
@@ -108,7 +108,7 @@ def register():
     atexit.register(close_all)
 
 
-def unregister():
+def unregister() -> None:
     """Remove everything, and end what still works."""
     close_all()
     atexit.unregister(close_all)

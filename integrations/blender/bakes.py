@@ -3,19 +3,21 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import numpy as np
 from bpy.props import IntProperty, StringProperty
 
-from .gather import is_even, mean_scale, object_arrays
+from .gather import AnyArray, is_even, mean_scale, object_arrays
 from .operators import Working, found_again, leave_edit_mode
 from .process import Work, WorkError
 from .results import load_image, show_maps, write_flags
 from .settings import MAPS, BakeSettings, CheckSettings
 
 
-def active_mesh(context):
+def active_mesh(context: bpy.types.Context) -> bpy.types.Object:
     """Return the active object, which must be a mesh of some size."""
     low = context.view_layer.objects.active
     if low is None or low.type != "MESH":
@@ -25,7 +27,9 @@ def active_mesh(context):
     return low
 
 
-def arrays_with_faces(item, depsgraph, **choices):
+def arrays_with_faces(
+    item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, **choices: bool
+) -> dict[str, AnyArray]:
     """Return the arrays of an object; raise if it has no faces."""
     arrays = object_arrays(item, depsgraph, **choices)
     if len(arrays["triangles"]) == 0:
@@ -40,7 +44,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
     bl_label = "Bake Selected to Active"
     group = "bake"
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Work:
         """Send all meshes in the space of the low-poly mesh."""
         chosen, low = self.chosen(context), active_mesh(context)
         self._cage = self._cage_of(chosen)
@@ -52,6 +56,11 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
             raise WorkError("no map is chosen")
         if chosen.save == "FILES" and not bpy.data.filepath:
             raise WorkError("save the .blend file first: images are saved beside it")
+        if chosen.wire and not low.data.is_editable:
+            raise WorkError(
+                f"{low.name}: it is linked from another file; make it local, or turn off Link to "
+                "Material"
+            )
         leave_edit_mode(context)
         depsgraph = context.evaluated_depsgraph_get()
         arrays = arrays_with_faces(low, depsgraph)
@@ -71,7 +80,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         )  # fmt: skip
 
     @staticmethod
-    def _cage_of(chosen):
+    def _cage_of(chosen: SimpleNamespace) -> bpy.types.Object | None:
         if not chosen.cage:
             return None
         cage = bpy.data.objects.get(chosen.cage)
@@ -80,7 +89,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         return cage
 
     @staticmethod
-    def _options(chosen, scale):
+    def _options(chosen: SimpleNamespace, scale: float) -> dict[str, Any]:
         options = {
             "maps": [name for name, *_ in MAPS if name in chosen.maps],
             "size": chosen.size,
@@ -94,7 +103,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
                 options[name] = distance / scale
         return options
 
-    def end(self, context, work):
+    def end(self, context: bpy.types.Context, work: Work) -> str:
         """Load the images, and show them."""
         low, maps = found_again(self._low), work.done["maps"]
         is_saved = self._chosen.save == "FILES"
@@ -121,8 +130,9 @@ class TexbakeFinding(bpy.types.PropertyGroup):
     text: StringProperty()
 
 
-# Polygons of each finding, by the names of objects.
-_FACES = []
+# Polygons by the names of objects, and how many polygons these have.
+Faces = dict[str, tuple[AnyArray, int]]
+_FACES: list[Faces] = []  # of each finding
 
 
 class Check(Working, CheckSettings, bpy.types.Operator):
@@ -132,7 +142,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
     bl_label = "Check"
     group = "check"
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Work:
         """Send the active mesh, and the others as its high-poly mesh."""
         low = active_mesh(context)
         others = [item for item in context.view_layer.objects.selected if item != low]
@@ -146,7 +156,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         options = {"size": chosen.size, "padding": chosen.padding}
         return Work("check", options, mesh=every[:1], high=every[1:])
 
-    def end(self, context, work):
+    def end(self, context: bpy.types.Context, work: Work) -> str:
         """List the findings, and select the faces of the worst."""
         listed, arrays = context.window_manager.texbake_findings, work.result("out")
         listed.clear()
@@ -168,7 +178,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
             self.report({"WARNING"}, line)
         return f"{len(named)} findings" if named else "Nothing was found"
 
-    def _by_object(self, polygons, in_high):
+    def _by_object(self, polygons: AnyArray, in_high: bool) -> Faces:
         """Return the polygons of each object, from those of all high-poly objects together."""
         names, counts = self._names, self._counts
         names, counts = (names[1:], counts[1:]) if in_high else (names[:1], counts[:1])
@@ -181,7 +191,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         return parts
 
 
-def select_faces(context, parts):
+def select_faces(context: bpy.types.Context, parts: Faces) -> None:
     """Select faces of objects: for each name, their numbers, and how many the object has."""
     leave_edit_mode(context)
     items = [found_again(name) for name in parts]
@@ -213,12 +223,12 @@ class SelectFinding(bpy.types.Operator):
     number: IntProperty()
 
     @classmethod
-    def description(cls, context, properties):
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
         """Return what the finding says."""
         listed = context.window_manager.texbake_findings
         return listed[properties.number].text if properties.number < len(listed) else cls.__doc__
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Select them in edit mode."""
         if not 0 <= self.number < len(_FACES) or not _FACES[self.number]:
             self.report({"ERROR"}, "this finding names no faces; check again")

@@ -17,7 +17,8 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 # The files of the extension.
-FILES = ("LICENSE", *sorted(path.name for path in FOLDER.glob("*.py") if path.name != "build.py"))
+OTHERS = ("build.py", "measure.py")
+FILES = ("LICENSE", *sorted(p.name for p in FOLDER.glob("*.py") if p.name not in OTHERS))
 # Blender's names of platforms, by what tags of wheels match.
 PLATFORMS = {
     r"(many)?linux.*_x86_64": "linux-x64",

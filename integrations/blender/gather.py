@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes of the scene as arrays, with modifiers applied, as Blender shades them."""
 
+from typing import Any
+
+import bpy
 import numpy as np
+import numpy.typing as npt
+from mathutils import Matrix
+
+AnyArray = npt.NDArray[Any]
 
 
-def read(items, name, dtype, width=1):
+def read(items: Any, name: str, dtype: Any, width: int = 1) -> AnyArray:
     """Return one property of all items of a collection: (n,) or (n, width)."""
     values = np.empty(len(items) * width, dtype)
     items.foreach_get(name, values)
     return values.reshape(-1, width) if width > 1 else values
 
 
-def mesh_arrays(data, *, colors=False):
+def mesh_arrays(data: bpy.types.Mesh, *, colors: bool = False) -> dict[str, AnyArray]:
     """Return the arrays of a Blender mesh.
 
     Triangles are Blender's own, so that texbake bakes, and computes tangents, on the surface that
@@ -44,7 +51,9 @@ def mesh_arrays(data, *, colors=False):
     return arrays
 
 
-def object_arrays(item, depsgraph, *, colors=False):
+def object_arrays(
+    item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, *, colors: bool = False
+) -> dict[str, AnyArray]:
     """Return the arrays of an object, with its modifiers applied, in its own space."""
     evaluated = item.evaluated_get(depsgraph)
     data = evaluated.to_mesh(preserve_all_data_layers=True, depsgraph=depsgraph)
@@ -57,7 +66,7 @@ def object_arrays(item, depsgraph, *, colors=False):
     return arrays
 
 
-def is_even(matrix):
+def is_even(matrix: Matrix) -> bool:
     """Whether a matrix scales all directions alike."""
     linear = np.array(matrix, np.float64)[:3, :3]
     products = linear.T @ linear
@@ -65,6 +74,6 @@ def is_even(matrix):
     return bool(np.abs(products - size * np.eye(3)).max() <= 1e-5 * size)
 
 
-def mean_scale(matrix):
+def mean_scale(matrix: Matrix) -> float:
     """Return the factor by which a matrix scales lengths, on average."""
     return float(abs(np.linalg.det(np.array(matrix, np.float64)[:3, :3])) ** (1.0 / 3.0))

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What all operators share, and those that make or change meshes."""
 
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 
@@ -13,7 +15,7 @@ from .settings import LightenSettings, RemeshSettings, SimplifySettings, UnwrapS
 _TICK = 0.1  # seconds between two looks at the running process
 
 
-def leave_edit_mode(context):
+def leave_edit_mode(context: bpy.types.Context) -> str:
     """Go to object mode; return the mode before."""
     item = context.view_layer.objects.active
     mode = "OBJECT" if item is None else item.mode
@@ -36,13 +38,13 @@ class Working:
     _timer = None
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         """Only one process works at a time."""
         if RUNNING:
             cls.poll_message_set("texbake is at work; press Esc to stop it")
         return not RUNNING
 
-    def chosen(self, context):
+    def chosen(self, context: bpy.types.Context) -> SimpleNamespace:
         """Return the settings: those given to the operator, else those of the panel."""
         panel = getattr(context.scene.texbake, self.group)
         names = [p.identifier for p in panel.bl_rna.properties if p.identifier not in BUILT_IN]
@@ -51,7 +53,7 @@ class Working:
             for name in names
         })  # fmt: skip
 
-    def meshes(self, context, items=None):
+    def meshes(self, context: bpy.types.Context, items: Any = None) -> list[bpy.types.Object]:
         """Return those of the selected objects that are meshes, and report all others."""
         items = context.view_layer.objects.selected if items is None else items
         others = [item.name for item in items if item.type != "MESH"]
@@ -59,13 +61,13 @@ class Working:
             self.report({"WARNING"}, f"Skipped, because they are not meshes: {', '.join(others)}")
         return [item for item in items if item.type == "MESH"]
 
-    def some_meshes(self, context):
+    def some_meshes(self, context: bpy.types.Context) -> list[bpy.types.Object]:
         """Return the selected meshes, at least one."""
         if not (found := self.meshes(context)):
             raise WorkError("no mesh is selected; select one")
         return found
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> set[str]:
         """Work to the end."""
         try:
             self._work = self.begin(context)
@@ -76,7 +78,7 @@ class Working:
         finally:
             self._close(context)
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Start to work, and watch the process by a timer."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
@@ -91,7 +93,7 @@ class Working:
         self._show(context)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Look at the process; Esc ends it."""
         if event.type == "ESC" and event.value == "PRESS":
             self._close(context)
@@ -112,29 +114,28 @@ class Working:
         self._close(context)
         return result
 
-    def cancel(self, context):
+    def cancel(self, context: bpy.types.Context) -> None:
         """Stop: Blender closes, or opens another file."""
         self._close(context)
 
-    def _show(self, context):
+    def _show(self, context: bpy.types.Context) -> None:
         fraction = self._work.fraction
         share = "" if fraction is None else f" {fraction:.0%}"
         context.workspace.status_text_set(f"texbake: {self._work.stage}{share}   |   Esc: Stop")
         context.window_manager.progress_update(int(100 * (fraction or 0.0)))
 
-    def _ended(self, context):
-        leave_edit_mode(context)
+    def _ended(self, context: bpy.types.Context) -> set[str]:
         message = self.end(context, self._work)
         for warning in self._work.warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, message)
         return {"FINISHED"}
 
-    def _failed(self, error):
+    def _failed(self, error: WorkError) -> set[str]:
         self.report({"ERROR"}, str(error))
         return {"CANCELLED"}
 
-    def _close(self, context):
+    def _close(self, context: bpy.types.Context) -> None:
         if self._work is not None:
             self._work.close()
             self._work = None
@@ -149,7 +150,7 @@ class Working:
 BUILT_IN = {"rna_type", "name"}
 
 
-def found_again(name):
+def found_again(name: str) -> bpy.types.Object:
     """Return an object by its name, after the work."""
     item = bpy.data.objects.get(name)
     if item is None:
@@ -164,7 +165,7 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
     bl_label = "Unwrap"
     group = "unwrap"
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Work:
         """Send the meshes without their modifiers, since those keep the coordinates."""
         items = self.some_meshes(context)
         self._mode = leave_edit_mode(context)
@@ -188,8 +189,9 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
         } | ({"quality": chosen.quality} if is_cut else {})  # fmt: skip
         return Work("unwrap", options, mesh=every)
 
-    def end(self, context, work):
+    def end(self, context: bpy.types.Context, work: Work) -> str:
         """Write the coordinates."""
+        leave_edit_mode(context)
         items = [found_again(name) for name in self._names]
         results = [work.result(f"out{number}")["uvs"] for number in range(len(items))]
         for item, uvs in zip(items, results, strict=True):
@@ -208,7 +210,7 @@ class Reducing(Working):
 
     suffix = ""
 
-    def start(self, context, options):
+    def start(self, context: bpy.types.Context, options: dict[str, Any]) -> Work:
         """Send the selected meshes with their modifiers."""
         items = self.some_meshes(context)
         leave_edit_mode(context)
@@ -222,8 +224,9 @@ class Reducing(Working):
             )
         return Work(self.group, options, mesh=every)
 
-    def end(self, context, work):
+    def end(self, context: bpy.types.Context, work: Work) -> str:
         """Make the objects, select them with their sources, and make the last one active."""
+        leave_edit_mode(context)
         for number, name in enumerate(self._names):
             arrays = work.result(f"out{number}")
             made = make_object(found_again(name), arrays, self.suffix, self._maps[number])
@@ -240,7 +243,7 @@ class Simplify(Reducing, SimplifySettings, bpy.types.Operator):
     bl_label = "Simplify"
     group, suffix = "simplify", "low"
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Work:
         """Start."""
         chosen = self.chosen(context)
         options = {"quality": chosen.quality, "seams": chosen.seams, "ratio": None}
@@ -255,7 +258,7 @@ class Remesh(Reducing, RemeshSettings, bpy.types.Operator):
     bl_label = "Remesh"
     group, suffix = "remesh", "remesh"
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Work:
         """Start."""
         chosen = self.chosen(context)
         options = {name: getattr(chosen, name) for name in ("resolution", "surface", "sharp_edges")}
@@ -271,7 +274,7 @@ class Lighten(Working, LightenSettings, bpy.types.Operator):
     bl_label = "Lighten"
     group = "lighten"
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Work:
         """Send the selection as a glTF file, which has its materials and images."""
         items = self.some_meshes(context)
         if "io_scene_gltf2" not in context.preferences.addons:
@@ -284,8 +287,9 @@ class Lighten(Working, LightenSettings, bpy.types.Operator):
         options = {"n_faces": chosen.faces or None, "size": chosen.size or None}
         return Work("lighten", options, prepare=export_selection)
 
-    def end(self, context, work):
+    def end(self, context: bpy.types.Context, work: Work) -> str:
         """Import the result, which is selected then."""
+        leave_edit_mode(context)
         images = set(bpy.data.images)
         bpy.ops.import_scene.gltf(filepath=str(work.folder / "out.glb"))
         for item in (*context.view_layer.objects.selected, *(set(bpy.data.images) - images)):
@@ -294,7 +298,7 @@ class Lighten(Working, LightenSettings, bpy.types.Operator):
         return f"{before:,} triangles became {after:,}"
 
 
-def export_selection(folder):
+def export_selection(folder: Path) -> None:
     """Write the selected objects as a glTF file."""
     bpy.ops.export_scene.gltf(
         filepath=str(folder / "in.glb"), export_format="GLB", use_selection=True,

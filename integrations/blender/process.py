@@ -9,7 +9,9 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -18,20 +20,20 @@ WORKER = Path(__file__).with_name("worker.py")
 _WAIT = 5.0  # seconds that a process has to end when it is told to
 _MOST_LINES = 20  # of what a process printed before it failed
 
-RUNNING = set()
+RUNNING: set["Work"] = set()
 
 
 class WorkError(Exception):
     """One line for the user."""
 
 
-def folder_of(package):
+def folder_of(package: str) -> str | None:
     """Return the folder that a package is imported from; None if it is not installed."""
     found = importlib.util.find_spec(package)
     return None if found is None or found.origin is None else str(Path(found.origin).parents[1])
 
 
-def command_for(folder):
+def command_for(folder: Path) -> list[str]:
     """Return the command that starts the worker on the files in a folder."""
     if Path(sys.executable).name.lower().startswith("python"):
         return [sys.executable, "-I", str(WORKER), str(folder)]
@@ -43,7 +45,13 @@ def command_for(folder):
 class Work:
     """A task that runs in a process of its own."""
 
-    def __init__(self, task, options, prepare=None, **meshes):
+    def __init__(
+        self,
+        task: str,
+        options: dict[str, Any],
+        prepare: Callable[[Path], None] | None = None,
+        **meshes: Sequence[dict[str, Any]],
+    ) -> None:
         """Start a task on lists of the arrays of objects, by their roles.
 
         `prepare` is called with the folder of the task before it starts.
@@ -91,12 +99,12 @@ class Work:
         self._lines = queue.Queue()
         threading.Thread(target=self._listen, daemon=True).start()
 
-    def _listen(self):
+    def _listen(self) -> None:
         for line in self.process.stdout:
             self._lines.put(line)
         self._lines.put(None)
 
-    def poll(self, *, wait=False):
+    def poll(self, *, wait: bool = False) -> bool:
         """Read what the process has told; return whether it has ended.
 
         Raises
@@ -122,7 +130,7 @@ class Work:
             raise WorkError(self._error)
         return True
 
-    def _told(self, line):
+    def _told(self, line: str) -> None:
         try:
             told = json.loads(line)
         except ValueError:
@@ -136,12 +144,12 @@ class Work:
         self._error = told.get("error", self._error)
         self.warnings += told.get("warnings", [])
 
-    def result(self, name):
+    def result(self, name: str) -> dict[str, Any]:
         """Return arrays that the process has written."""
         with np.load(self.folder / f"{name}.npz", allow_pickle=False) as arrays:
             return dict(arrays)
 
-    def close(self):
+    def close(self) -> None:
         """End the process if it still runs, and remove its files."""
         if self.process.poll() is None:
             self.process.terminate()
@@ -155,7 +163,7 @@ class Work:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def close_all():
+def close_all() -> None:
     """End all processes: Blender closes, or the extension is disabled."""
     for work in tuple(RUNNING):
         work.close()

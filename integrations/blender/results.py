@@ -3,21 +3,25 @@
 
 import shutil
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
-from .gather import read
+from .gather import AnyArray, read
 
 _NODE = "texbake"  # what the names of nodes begin with
+Socket = bpy.types.NodeSocket
+
 COLORS = ("color", "id")  # codings of maps that are sRGB
 
 
-def load_image(file, title, coding, folder):
+def load_image(file: Path, title: str, coding: str, folder: Path | None) -> bpy.types.Image:
     """Load a baked map, packed into the .blend file, or copied into a folder."""
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-        file = Path(shutil.copyfile(file, folder / f"{title}.png"))
+        part = shutil.copyfile(file, folder / f".{title}.part")
+        file = part.replace(folder / f"{title}.png")
     image = bpy.data.images.load(str(file))
     image.colorspace_settings.name = "sRGB" if coding in COLORS else "Non-Color"
     if folder is None:
@@ -34,13 +38,11 @@ def load_image(file, title, coding, folder):
     return image
 
 
-def own_materials(item):
+def own_materials(item: bpy.types.Object) -> list[bpy.types.Material]:
     """Return the materials of an object, none of which another object uses."""
     data = item.data
     if not any(slot.material for slot in item.material_slots):
         material = bpy.data.materials.new(item.name)
-        if bpy.app.version < (5, 0):
-            material.use_nodes = True
         if not item.material_slots:
             data.materials.append(None)
         item.material_slots[0].material = material
@@ -49,7 +51,7 @@ def own_materials(item):
             other.data is not data and slot.material.name in other.material_slots
             for other in bpy.data.objects
         )
-        if elsewhere:
+        if elsewhere or (slot.material and not slot.material.is_editable):
             slot.material = slot.material.copy()
     return list(dict.fromkeys(slot.material for slot in item.material_slots if slot.material))
 
@@ -57,7 +59,9 @@ def own_materials(item):
 class Wiring:
     """The nodes of a material that show baked maps."""
 
-    def __init__(self, material, uv_map):
+    def __init__(self, material: bpy.types.Material, uv_map: str) -> None:
+        if bpy.app.version < (5, 0):  # later ones always use nodes
+            material.use_nodes = True
         self.tree = material.node_tree
         self.uv_map = uv_map
         self.shader = self._first("BSDF_PRINCIPLED")
@@ -65,11 +69,11 @@ class Wiring:
         self._rows = 0
 
     @property
-    def works(self):
+    def works(self) -> bool:
         """Whether there is a shader to wire maps into."""
         return self.shader is not None and self.output is not None
 
-    def wire(self, image, baked, *, displaces):
+    def wire(self, image: bpy.types.Image, baked: dict[str, Any], *, displaces: bool) -> None:
         """Show one map; `displaces`: whether a height map is linked to the output."""
         kind, convention = baked["name"], baked["convention"]
         for node in [n for n in self.tree.nodes if n.name.startswith(f"{_NODE} {kind}:")]:
@@ -99,7 +103,7 @@ class Wiring:
         elif kind == "vertex-color":
             self._link(color, self.shader.inputs["Base Color"])
 
-    def _with_green_flipped(self, color, place):
+    def _with_green_flipped(self, color: Socket, place: tuple[float, float]) -> Socket:
         parts = self._node("normal", "ShaderNodeSeparateColor", place, 1)
         flipped = self._node("normal", "ShaderNodeMath", place, 2)
         flipped.operation = "SUBTRACT"
@@ -112,26 +116,33 @@ class Wiring:
         self._link(flipped.outputs[0], whole.inputs["Green"])
         return whole.outputs[0]
 
-    def _first(self, kind):
+    def _first(self, kind: str) -> bpy.types.Node | None:
         return next((node for node in self.tree.nodes if node.type == kind), None)
 
-    def _place(self):
+    def _place(self) -> tuple[float, float]:
         self._rows += 1
         x, y = self.shader.location
         return x - 1300.0, y - 320.0 * (self._rows - 1)
 
-    def _node(self, kind, type_name, place, column):
+    def _node(
+        self, kind: str, type_name: str, place: tuple[float, float], column: int
+    ) -> bpy.types.Node:
         node = self.tree.nodes.new(type_name)
         node.name = f"{_NODE} {kind}: {type_name}"
         node.label = f"{kind} (texbake)" if type_name == "ShaderNodeTexImage" else ""
         node.location = place[0] + (300.0 if column > 0 else 220.0) * column, place[1]
         return node
 
-    def _link(self, source, target):
+    def _link(self, source: Socket, target: Socket) -> None:
         self.tree.links.new(source, target)
 
 
-def show_maps(item, maps, images, uv_map):
+def show_maps(
+    item: bpy.types.Object,
+    maps: list[dict[str, Any]],
+    images: list[bpy.types.Image],
+    uv_map: str,
+) -> list[str]:
     """Wire maps into the materials of an object; return warnings."""
     names = [baked["name"] for baked in maps]
     warnings = []
@@ -146,13 +157,13 @@ def show_maps(item, maps, images, uv_map):
     return warnings
 
 
-def write_uvs(data, name, uvs):
+def write_uvs(data: bpy.types.Mesh, name: str, uvs: AnyArray) -> None:
     """Write texture coordinates by loop into a UV map of a mesh."""
     # Through `uv_layers[name].uv`, Blender 5.0 would change its steps of undo as well.
     data.attributes[name].data.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
 
 
-def set_uvs(item, name, uvs):
+def set_uvs(item: bpy.types.Object, name: str, uvs: AnyArray) -> bool:
     """Write texture coordinates into a UV map, which is made if it is missing, and active then.
 
     Returns whether there was room for it: a mesh has eight at most.
@@ -167,7 +178,9 @@ def set_uvs(item, name, uvs):
     return True
 
 
-def make_object(source, arrays, suffix, uv_map):
+def make_object(
+    source: bpy.types.Object, arrays: dict[str, AnyArray], suffix: str, uv_map: str
+) -> bpy.types.Object:
     """Make an object of a mesh beside its source, with its materials; return it."""
     name = f"{source.name}_{suffix}"
     data = bpy.data.meshes.new(name)
@@ -186,7 +199,7 @@ def make_object(source, arrays, suffix, uv_map):
     if "colors" in arrays:
         layer = data.color_attributes.new("Color", "FLOAT_COLOR", "POINT")
         layer.data.foreach_set("color", arrays["colors"].ravel())
-    mark_sharp(data, arrays.get("sharp", ()))
+    mark_sharp(data, arrays.get("sharp"))
     data.validate()
     for slot in source.material_slots:
         data.materials.append(slot.material)
@@ -197,7 +210,7 @@ def make_object(source, arrays, suffix, uv_map):
     return made
 
 
-def write_flags(data, name, domain, flags):
+def write_flags(data: bpy.types.Mesh, name: str, domain: str, flags: AnyArray) -> None:
     """Write booleans (n,) of the elements of a mesh into an attribute."""
     # A new attribute: Blender 5.0 crashes, or fails, where the old one has one value for all.
     if (old := data.attributes.get(name)) is not None:
@@ -206,9 +219,9 @@ def write_flags(data, name, domain, flags):
     new.data.foreach_set("value", np.asarray(flags, np.uint8))
 
 
-def mark_sharp(data, pairs):
+def mark_sharp(data: bpy.types.Mesh, pairs: AnyArray | None) -> None:
     """Mark the edges between pairs of vertices (n, 2) as sharp."""
-    if len(pairs) == 0:
+    if pairs is None or len(pairs) == 0:
         return
     edges = read(data.edges, "vertices", np.int32, 2)
     keys, wanted = (

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a user can choose: the same properties for the operators and for the panel."""
 
+from typing import Any
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -65,14 +67,14 @@ SURFACES = (
 )
 
 
-def size():
+def size() -> Any:
     """Return the property that all sizes of textures share."""
     return IntProperty(
         name="Size", default=1024, min=16, max=16384, description="Side of the texture in texels"
     )
 
 
-def padding():
+def padding() -> Any:
     """Return the property that all paddings share."""
     return IntProperty(
         name="Padding", default=4, min=0, max=256,
@@ -80,7 +82,7 @@ def padding():
     )  # fmt: skip
 
 
-def distance(name, text):
+def distance(name: str, text: str) -> Any:
     """Return the property of a distance along rays."""
     return FloatProperty(
         name=name, default=0.0, min=0.0, subtype="DISTANCE", unit="LENGTH", precision=4,

@@ -6,8 +6,12 @@ All lengths are those of the space of an object. A task ends with a line that sa
 
 import json
 import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.baking.bake import bake as baked_maps
 from texbake.baking.options import BakeOptions
@@ -26,10 +30,14 @@ from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 from texbake.raycast.orientation import oriented
 from texbake.targets import PROGRAMS
 
+AnyArray = npt.NDArray[Any]
+Arrays = dict[str, AnyArray]  # of one object, from `gather.object_arrays`
+Options = dict[str, Any]
+
 _MOST_TRIES = 4  # of an unwrap that keeps polygons whole
 
 
-def tell(**values):
+def tell(**values: Any) -> None:
     """Print one line for the process that waits."""
     print(json.dumps(values), flush=True)
 
@@ -37,32 +45,34 @@ def tell(**values):
 class Told:
     """Tells the progress of stages, ten times per second at most."""
 
-    def __init__(self):
-        self._totals, self._last = {}, 0.0
+    def __init__(self) -> None:
+        self._totals: dict[str, int | None] = {}
+        self._last = 0.0
 
-    def started(self, stage, total, unit):
+    def started(self, stage: str, total: int | None, unit: str) -> None:
         """Tell that a stage has begun."""
         self._totals[stage] = total
         tell(stage=stage)
 
-    def advanced(self, stage, done):
+    def advanced(self, stage: str, done: int) -> None:
         """Tell how much of a stage is done."""
         total, now = self._totals.get(stage), time.monotonic()
         if total and now - self._last > 0.1:
             self._last = now
             tell(stage=stage, fraction=done / total)
 
-    def finished(self, stage, seconds):
+    def finished(self, stage: str, seconds: float) -> None:
         """Forget a stage."""
         self._totals.pop(stage, None)
 
 
-def mesh_of(arrays, *, groups=False):
+def mesh_of(arrays: Arrays, *, groups: bool = False) -> Mesh:
     """Return a texbake mesh in the object's own space; `groups`: of its materials."""
     name, triangles = str(arrays["name"]), arrays["triangles"]
     if len(triangles) == 0:
         raise MeshError(f"{name}: it has no faces")
-    faces, positions, fields = arrays["vertices"][triangles], arrays["positions"], {}
+    faces, positions = arrays["vertices"][triangles], arrays["positions"]
+    fields: dict[str, Any] = {}
     colors = arrays.get("colors")
     if "corner_colors" in arrays:  # a vertex for each color of a vertex
         colors = arrays["corner_colors"]
@@ -94,7 +104,7 @@ def mesh_of(arrays, *, groups=False):
     )
 
 
-def joined(meshes):
+def joined(meshes: list[Mesh]) -> Mesh:
     """Put meshes into one, each as an object of its own."""
     named = [
         mesh.replace(face_groups=mesh.faces[:, 0] * 0, group_names=(mesh.name,), uv_sets={})
@@ -103,7 +113,7 @@ def joined(meshes):
     return named[0] if len(named) == 1 else join_parts(named, f"{len(named)} objects")
 
 
-def in_space_of(every, matrix):
+def in_space_of(every: Sequence[Arrays], matrix: AnyArray) -> list[Mesh]:
     """Return the meshes of objects in the space of another object."""
     moved = []
     for arrays in every:
@@ -114,7 +124,13 @@ def in_space_of(every, matrix):
     return moved
 
 
-def bake(folder, options, high, low, cage=()):
+def bake(
+    folder: Path,
+    options: Options,
+    high: list[Arrays],
+    low: list[Arrays],
+    cage: Sequence[Arrays] = (),
+) -> None:
     """Bake maps, and write them as images."""
     program = PROGRAMS[options.pop("target")]
     matrix = low[0]["matrix"]
@@ -149,12 +165,12 @@ def bake(folder, options, high, low, cage=()):
     )
 
 
-def _height(metadata):
+def _height(metadata: Mapping[str, Any]) -> list[float]:
     """Return the mid level and the scale of a height map."""
     return [float(metadata[DISPLACEMENT_MID]), float(metadata[DISPLACEMENT_SCALE])]
 
 
-def marked_edges(arrays, mesh, kinds):
+def marked_edges(arrays: Arrays, mesh: Mesh, kinds: list[str]) -> AnyArray | None:
     """Return the marked edges of some kinds that faces use, (n, 2); None where there are none."""
     edges = np.concatenate([np.empty((0, 2), np.int32), *(arrays[kind] for kind in kinds)])
     sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
@@ -162,16 +178,16 @@ def marked_edges(arrays, mesh, kinds):
     return edges[np.isin(keys, used)] if len(edges) else None
 
 
-def split_polygons(mesh, corners):
+def split_polygons(mesh: Mesh, corners: AnyArray) -> AnyArray:
     """Return which polygons have corners with several texture coordinates: Blender has none such.
 
     `corners` (n, 2): a coordinate of each of Blender's corners, which `mesh.normal_faces` index.
     """
     differ = (corners[mesh.normal_faces] != mesh.corner_uvs()).any(axis=(1, 2))
-    return mesh.polygon_numbers[differ]
+    return np.asarray(mesh.polygon_numbers[differ])
 
 
-def detached(mesh, polygons):
+def detached(mesh: Mesh, polygons: AnyArray) -> Mesh:
     """Return a mesh with some polygons moved away a little, so that nothing is joined to them."""
     chosen = np.isin(mesh.polygon_numbers, polygons)
     owners = np.repeat(mesh.polygon_numbers[chosen], 3)
@@ -188,7 +204,7 @@ def detached(mesh, polygons):
     )  # fmt: skip
 
 
-def unwrap(folder, options, mesh):
+def unwrap(folder: Path, options: Options, mesh: list[Arrays]) -> None:
     """Write texture coordinates by corner."""
     kinds, meshes = options.pop("kinds"), [mesh_of(arrays) for arrays in mesh]
     for _ in range(_MOST_TRIES):
@@ -217,9 +233,11 @@ def unwrap(folder, options, mesh):
     tell(warnings=notes, done={"charts": sum(report.n_charts for _, report in results)})
 
 
-def write_mesh(folder, number, mesh):
+def write_mesh(folder: Path, number: int, mesh: Mesh) -> None:
     """Write the arrays of a mesh for Blender to make one of."""
-    arrays = {"positions": mesh.positions.astype(np.float32), "faces": mesh.faces}
+    arrays: dict[str, Any] = {
+        "positions": mesh.positions.astype(np.float32), "faces": mesh.faces,
+    }  # fmt: skip
     if mesh.uvs is not None:
         arrays["uvs"] = mesh.corner_uvs().reshape(-1, 2).astype(np.float32)
     if mesh.face_groups is not None and all(name.isdigit() for name in mesh.group_names):
@@ -236,12 +254,12 @@ def write_mesh(folder, number, mesh):
     np.savez(folder / f"out{number}.npz", **arrays)
 
 
-def scaled_back(mesh, matrix):
+def scaled_back(mesh: Mesh, matrix: AnyArray | None) -> Mesh:
     """Return a mesh in its object's space again, from `in_scene`."""
     return mesh if matrix is None else transformed(mesh, matrix)
 
 
-def in_scene(arrays):
+def in_scene(arrays: Arrays) -> tuple[Mesh, AnyArray | None]:
     """Return a mesh as the scene shows it where that has other proportions, and the way back."""
     mesh, linear = mesh_of(arrays, groups=True), arrays["matrix"][:3, :3]
     products = linear.T @ linear
@@ -253,7 +271,7 @@ def in_scene(arrays):
     return transformed(mesh, matrix), np.linalg.inv(matrix)
 
 
-def simplify(folder, options, mesh):
+def simplify(folder: Path, options: Options, mesh: list[Arrays]) -> None:
     """Write meshes of fewer triangles."""
     ratio, notes, counts = options.pop("ratio"), [], []
     for number, arrays in enumerate(mesh):
@@ -270,7 +288,7 @@ def simplify(folder, options, mesh):
     tell(warnings=notes, done={"faces": counts})
 
 
-def remesh(folder, options, mesh):
+def remesh(folder: Path, options: Options, mesh: list[Arrays]) -> None:
     """Write meshes of the wrapped surfaces."""
     notes, counts = [], []
     for number, arrays in enumerate(mesh):
@@ -282,7 +300,7 @@ def remesh(folder, options, mesh):
     tell(warnings=notes, done={"faces": counts})
 
 
-def lighten(folder, options, mesh=()):
+def lighten(folder: Path, options: Options) -> None:
     """Make a glTF file of the scene lighter."""
     from texbake.jobs.lighten import lighten as lightened
     from texbake.jobs.options import LightenOptions
@@ -295,16 +313,16 @@ def lighten(folder, options, mesh=()):
     tell(warnings=list(done.warnings), done={"faces": [[report.n_faces_before, report.n_faces]]})
 
 
-def check(folder, options, mesh, high=()):
+def check(folder: Path, options: Options, mesh: list[Arrays], high: Sequence[Arrays] = ()) -> None:
     """Write the findings, and the polygons that they name."""
     low = mesh_of(mesh[0])
     others = in_space_of(high, mesh[0]["matrix"])
     chosen = CheckOptions(**options)
-    pair = (joined(others), low) if others else (low,)
-    report = checked(*pair, chosen, progress=Told()) if others else checked(
-        low, None, chosen, progress=Told()
-    )  # fmt: skip
-    arrays, findings = {}, []
+    report = checked(
+        joined(others) if others else low, low if others else None, chosen, progress=Told()
+    )
+    arrays: dict[str, Any] = {}
+    findings = []
     for number, finding in enumerate(report.findings):
         arrays[f"faces{number}"] = np.asarray(finding.polygons, np.int32)
         findings.append({
@@ -316,7 +334,7 @@ def check(folder, options, mesh, high=()):
     tell(done={"findings": findings})
 
 
-TASKS = {
+TASKS: dict[str, Callable[..., None]] = {
     "bake": bake, "unwrap": unwrap, "simplify": simplify, "remesh": remesh, "lighten": lighten,
     "check": check,
 }  # fmt: skip

@@ -11,14 +11,15 @@ import sys
 import threading
 import traceback
 from pathlib import Path
+from typing import Any
 
 
-def tell(**values):
+def tell(**values: Any) -> None:
     """Print one line for the process that waits."""
     print(json.dumps(values), flush=True)
 
 
-def end_with_parent(folder):
+def end_with_parent(folder: Path) -> None:
     """Wait until the other end of stdin closes; then remove the files, and end at once."""
     while os.read(0, 4096):  # sys.stdin would hold a lock when the process ends by itself
         pass
@@ -26,7 +27,7 @@ def end_with_parent(folder):
     os._exit(1)
 
 
-def read(folder, role, count):
+def read(folder: Path, role: str, count: int) -> list[dict[str, Any]]:
     """Return the arrays of the objects of a role."""
     import numpy as np
 
@@ -37,7 +38,7 @@ def read(folder, role, count):
     return every
 
 
-def main(folder):
+def main(folder: Path) -> None:
     """Do the task in a folder."""
     threading.Thread(target=end_with_parent, args=(folder,), daemon=True).start()
     job = json.loads((folder / "job.json").read_text(encoding="utf-8"))

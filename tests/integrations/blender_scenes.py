@@ -231,6 +231,19 @@ def displacement():
     return answer, node.space, [node.inputs[i].default_value for i in (1, 2)]
 
 
+def every_map():
+    """Bake all maps on the second of two UV maps; return images, and the UV maps of nodes."""
+    _, low = pair()
+    layer = low.data.uv_layers.new(name="second")
+    low.data.uv_layers.active = layer
+    names = [name for name, *_ in part("settings").MAPS]
+    answer = tried("bake", maps=set(names), size=32, rays=16)
+    nodes = low.active_material.node_tree.nodes
+    found = {node.uv_map for node in nodes if node.type in ("UVMAP", "NORMAL_MAP")}
+    images = sorted(image.name.removeprefix("low_") for image in bpy.data.images)
+    return answer, images == sorted(names), sorted(found)
+
+
 def materials():
     """Bake to an object that shares a material; return names of materials, and how many links."""
     high, low = pair()
@@ -256,6 +269,16 @@ def saved(folder):
     answer = tried("bake", maps={"normal"}, size=64, save="FILES", target="unreal")
     image = bpy.data.images[0]
     return answer, image.filepath, image.packed_file is None, list(image.size)
+
+
+def page_script(page, folder):
+    """Run the script of a page of the documentation, with small images; return their names."""
+    clear()
+    choose(waved())
+    bpy.ops.wm.save_as_mainfile(filepath=str(Path(folder, "scene.blend")))
+    script = Path(page).read_text(encoding="utf-8").split("```python\n")[1].split("```")[0]
+    exec(script.replace("2048", "64"), {})
+    return sorted(image.name for image in bpy.data.images)
 
 
 def unwrap_cylinder(in_edit_mode):
@@ -508,11 +531,11 @@ def skips_others():
     return tried("bake", maps={"normal"}, size=64), len(bpy.data.images)
 
 
-def _work():
+def _work(size=4096):
     high, low = pair()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     gather = part("gather")
-    options = {"maps": ["normal", "ao"], "size": 4096, "samples": 16, "target": "blender"}
+    options = {"maps": ["normal", "ao"], "size": size, "samples": 16, "target": "blender"}
     return part("process").Work(
         "bake", options, low=[gather.object_arrays(low, depsgraph)],
         high=[gather.object_arrays(high, depsgraph)],
@@ -534,7 +557,7 @@ class Window:
         return lambda *_args, **_named: self.calls.append(name) or name
 
 
-def modal(events):
+def modal(events, size=4096):
     """Run an operator by events, as a window does; return what happened."""
     operators = part("operators")
     reports = []
@@ -548,7 +571,7 @@ def modal(events):
 
         def begin(self, context):
             """Start."""
-            return _work()
+            return _work(size)
 
         def end(self, context, work):
             """End."""
@@ -563,12 +586,17 @@ def modal(events):
         answers += probe.invoke(context, None)
         work = probe._work
         for kind in events:
-            deadline = time.monotonic() + 20
+            deadline = time.monotonic() + 60
             while (
                 kind == "progress" and work.stage in ("start", "") and time.monotonic() < deadline
             ):
                 time.sleep(0.05)
                 probe.modal(context, SimpleNamespace(type="TIMER", value=""))
+            while kind == "end" and time.monotonic() < deadline and "FINISHED" not in answers:
+                time.sleep(0.05)
+                answers += probe.modal(context, SimpleNamespace(type="TIMER", value=""))
+            if kind == "end":
+                continue
             kind = "TIMER" if kind == "progress" else kind
             answers += probe.modal(context, SimpleNamespace(type=kind, value="PRESS"))
     finally:

@@ -281,6 +281,10 @@ def test_a_target_has_its_names_and_its_green_channel(blender):
     assert blender("nodes_of", "gltf-web")["images"]["low_normal"] == ["Non-Color", 8]
 
 
+def test_every_map_is_baked_on_the_active_uv_map(blender):
+    assert blender("every_map") == ["FINISHED", True, ["second"]]
+
+
 def test_heights_alone_are_linked_with_their_range(blender):
     answer, space, (mid, scale) = blender("displacement")
     assert (answer, space) == ("FINISHED", "OBJECT")
@@ -300,6 +304,11 @@ def test_images_are_saved_beside_the_file(blender, tmp_path):
     answer, path, is_file, size = blender("saved", tmp_path)
     assert (answer, path, is_file, size) == ("FINISHED", "//textures/T_low_N.png", True, [64, 64])
     assert [file.name for file in (tmp_path / "textures").iterdir()] == ["T_low_N.png"]
+
+
+def test_the_script_of_the_page_runs(blender, tmp_path):
+    page = FOLDER.parents[1] / "docs" / "how-to" / "blender.md"
+    assert blender("page_script", page, tmp_path) == ["T_high_low_AO", "T_high_low_N"]
 
 
 @pytest.mark.parametrize("in_edit_mode", [False, True])
@@ -437,6 +446,15 @@ def test_escape_ends_the_process(blender):
     assert found["texts"][-1] is None  # the status bar is Blender's again
     assert any("Esc" in text for text in found["texts"][:-1])
     assert {"event_timer_remove", "progress_end"} <= set(found["calls"])
+
+
+def test_events_of_a_window_bring_the_result(blender):
+    found = blender("modal", ["MOUSEMOVE", "end"], 64)
+    assert found["answers"][-1] == "FINISHED"
+    assert set(found["answers"][1:-1]) == {"PASS_THROUGH"}
+    assert found["reports"][-1] == "the end"
+    assert found["ended"] and not found["files"] and not found["running"]
+    assert found["texts"][-1] is None
 
 
 def test_disabling_the_extension_ends_its_process(blender):
