@@ -12,7 +12,7 @@ import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, replace
-from functools import wraps
+from functools import cached_property, wraps
 from importlib import import_module
 from importlib.util import find_spec
 from inspect import Parameter, cleandoc, signature
@@ -131,7 +131,7 @@ class Verb:
         """Help of the command: the docstring, but for its sections."""
         return cleandoc(self.run.__doc__ or "").partition("\n\nParameters\n")[0]
 
-    @property
+    @cached_property
     def parameters(self) -> Mapping[str, Parameter]:
         """Parameters of the function."""
         return signature(self.run).parameters
