@@ -19,10 +19,12 @@ from texbake import (
     read_image,
     read_mesh,
     run,
+    write_image,
 )
 from texbake.errors import UvError
 from texbake.jobs.export.export import share_elsewhere
 from texbake.jobs.run import RunResult
+from texbake.jobs.run_files import write_mask_map
 from texbake.mapping.options import fitting_padding
 from texbake.mesh.compose import turned_over
 from texbake.mesh.normals import angles_between, face_normals, smooth_normals
@@ -366,3 +368,14 @@ def test_levels_share_the_layout_and_have_smaller_maps(high: Mesh, tmp_path: Pat
     assert len(json.loads(made.files["report"].read_text())["levels"]) == 2
     with pytest.raises(OptionError, match="levels: each must have fewer triangles"):
         replace(options, levels=(90, 90))
+
+
+def test_an_orm_image_becomes_a_mask_map(tmp_path: Path) -> None:
+    codes = np.random.default_rng(0).integers(0, 256, (4, 4, 3), np.uint8)
+    write_image(codes, tmp_path / "orm.png", color=False)
+    orm = (tmp_path / "orm.png").read_bytes()
+    write_mask_map(orm, tmp_path / "mask.png", RunOptions(preset="unity"))
+    found = np.rint(255 * read_image(tmp_path / "mask.png", color=False).pixels)
+    ao, roughness, metalness = np.moveaxis(codes.astype(int), 2, 0)
+    expected = [metalness, ao, np.full_like(ao, 255), 255 - roughness]
+    np.testing.assert_array_equal(found, np.stack(expected, axis=2))

@@ -112,7 +112,7 @@ def _write_materials(
             files.pop(name, None)
             continue
         if name == "orm" and options.target.packing == "mask-map":
-            _write_mask_map(image.data, files[name], options)
+            write_mask_map(image.data, files[name], options)
             continue
         with replacing(files[name]) as temporary:
             temporary.write_bytes(image.data)
@@ -125,7 +125,7 @@ def _write_materials(
     write_glb(low, files["glb"], materials=shared)
 
 
-def _write_mask_map(orm: bytes, path: Path, options: RunOptions) -> None:
+def write_mask_map(orm: bytes, path: Path, options: RunOptions) -> None:
     """Write the channels of an ORM image as Unity packs them."""
     with scratch_folder() as folder:
         image = folder / "orm.png"
