@@ -83,7 +83,7 @@ class Atlas:
 
     def add_mesh(self, positions: Any, indices: Any, normals: Any = None, uvs: Any = None) -> None:
         """Add a mesh: (V, 3) positions, (F, 3) indices, (V, 3) normals, (V, 2) uvs."""
-        points = _array("Position", positions, 3, np.float32)
+        points = _array("Position", positions, 3, np.float64)
         faces = _array("Index", indices, 3, np.uint32)
         fields: dict[str, Any] = {}
         if normals is not None:
@@ -105,12 +105,12 @@ class Atlas:
             materials = _array("Face material ID", face_materials, 1, np.uint32, len(faces))[:, 0]
         if self._meshes and not self._of_uvs:
             raise AddMeshError("Adding mesh failed: meshes and UV meshes do not share an atlas")
-        points = np.column_stack([places, np.zeros(len(places), np.float32)])
+        points = np.column_stack([places, np.zeros(len(places))])
         self._add(points, faces, {"uvs": places, "uv_faces": faces}, materials)
         self._of_uvs = True
 
     def _add(
-        self, points: FloatArray32, faces: UintArray, fields: dict[str, Any], materials: UintArray
+        self, points: FloatArray, faces: UintArray, fields: dict[str, Any], materials: UintArray
     ) -> None:
         if len(points) == len(faces) == 0:
             return
