@@ -15,6 +15,7 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
+from texbake.targets import PROGRAMS
 from texbake.texture.image import read_image, write_image
 from texbake.verbs.step import InputSize, Job, without_timings
 
@@ -108,6 +109,9 @@ def test_a_run_is_that_of_the_command(do, tmp_path):
     for key, path in files.items():
         assert key == "report" or path.read_bytes() == result.files[key].read_bytes(), key
     assert figures["faces"] == result.low.n_faces and len(figures["levels"]) == 1
+    for preset in (None, *PROGRAMS):  # the step alone means the mesh
+        settings = STEP_KINDS["run"].settings({"faces": 100, "preset": preset})
+        assert next(iter(STEP_KINDS["run"].outputs(settings))) in ("mesh", "glb")
     with pytest.raises(OptionError, match="faces, error: neither is given"):
         do("run", {}, high=tmp_path / "high.ply")
 

@@ -218,13 +218,13 @@ class RunOptions(CheckedOptions):
 
     def _names_of(self, asset: str, images: Sequence[str]) -> dict[str, str]:
         target, has_preset = self.target, self.preset is not None
-        names = {}
-        if target.mesh_format == "obj":
-            names["mesh"] = f"{target.mesh_stem(asset)}.obj"
+        # The mesh comes first: a pipeline means it by the name of the step.
+        main = "mesh" if target.mesh_format == "obj" else "glb"
+        names = {main: f"{target.mesh_stem(asset)}.{target.mesh_format}"}
         for key in self.own_maps:
             is_float = key == "displacement" and target.heights == "float"
             names[key] = f"{target.map_stem(asset, key)}.{'exr' if is_float else 'png'}"
-        if target.mesh_format == "glb" or not has_preset:
+        if not has_preset:
             names["glb"] = f"{target.mesh_stem(asset)}.glb"
         for key in images:
             kind = key.replace("_", "-") if has_preset else key
