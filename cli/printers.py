@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 import textwrap
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
 from typing import TYPE_CHECKING, Any
+
+import click
 
 from texbake.checks.bake_kinds import SEVERITIES
 from texbake.errors import counted
@@ -65,6 +69,8 @@ def print_check(terminal: Terminal, result: JobResult[Any], values: Mapping[str,
                 terminal.wrote(result.files)
             if not terminal.quiet:
                 say(_verdict_on_all(report, SEVERITIES[0] if fail_on == _NEVER else fail_on))
+    if form != "text":  # stage times follow with --verbose
+        click.get_current_context().with_resource(redirect_stdout(sys.stderr))
     return FAILED if fail_on != _NEVER and any(r.fails(fail_on) for r in reports) else 0
 
 

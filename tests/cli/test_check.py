@@ -5,6 +5,7 @@ import re
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 from click.testing import Result
@@ -120,3 +121,12 @@ def test_remedies_name_the_commands_that_there_are():
     assert all("repair" in named[name] for name in repairs)
     # Whatever another unwrap, a transform or a new surface mends.
     assert {"no-coordinates", "mirrored-coordinates", "far-from-origin", "cracks"} <= set(named)
+
+
+@pytest.mark.parametrize("form", ["json", "sarif", "junit"])
+def test_forms_for_programs_are_alone_on_the_standard_output(invoke: Invoke, form: str) -> None:
+    text = invoke(f"check low.obj high.ply --each --format {form} --verbose").stdout
+    if form == "junit":
+        assert len(ElementTree.fromstring(text.encode())) == 2
+    else:
+        assert len(json.loads(text)["meshes" if form == "json" else "runs"]) in (1, 2)
