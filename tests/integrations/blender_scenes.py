@@ -14,6 +14,7 @@ import time
 import traceback
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import bpy
 import numpy as np
@@ -628,9 +629,23 @@ def switched_off():
 
 
 def menus():
-    """Return whether the menus and panels are there, and what their operators are called."""
-    names = ["TEXBAKE_MT_object", "TEXBAKE_PT_bake", "TEXBAKE_PT_check", "TEXBAKE_PT_findings"]
-    return [hasattr(bpy.types, name) for name in names]
+    """Draw the menus and panels without a window; return the operators and properties in them."""
+    clear()
+    entry = bpy.context.window_manager.texbake_findings.add()
+    entry.title, entry.severity = "a finding", "error"
+    extension = __import__(MODULE, fromlist=["*"])
+    layout = MagicMock()
+    layout.column.return_value = layout
+    drawn = SimpleNamespace(layout=layout)
+    for draw in extension.draw_object_menu, extension.draw_uv_menu, extension.ObjectMenu.draw:
+        draw(drawn, bpy.context)
+    for panel in extension.PANELS:
+        panel.draw(SimpleNamespace(layout=layout, group=panel.group), bpy.context)
+    extension.FindingsPanel.draw(drawn, bpy.context)
+    calls = [call.args for call in layout.operator.call_args_list]
+    shown = [call.args[1] for call in layout.prop.call_args_list]
+    known = hasattr(bpy.types, "TEXBAKE_PT_findings") and hasattr(bpy.types, "TEXBAKE_MT_object")
+    return known, sorted({name for name, *_ in calls}), sorted(set(shown))
 
 
 def main():
