@@ -27,16 +27,6 @@ def active_mesh(context: bpy.types.Context) -> bpy.types.Object:
     return low
 
 
-def arrays_with_faces(
-    item: bpy.types.Object, depsgraph: bpy.types.Depsgraph, **choices: bool
-) -> dict[str, AnyArray]:
-    """Return the arrays of an object; raise if it has no faces."""
-    arrays = object_arrays(item, depsgraph, **choices)
-    if len(arrays["triangles"]) == 0:
-        raise WorkError(f"{item.name}: it has no faces")
-    return arrays
-
-
 class Bake(Working, BakeSettings, bpy.types.Operator):
     """Bake the selected high-poly objects to the active low-poly mesh."""
 
@@ -63,7 +53,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
             )
         leave_edit_mode(context)
         depsgraph = context.evaluated_depsgraph_get()
-        arrays = arrays_with_faces(low, depsgraph)
+        arrays = object_arrays(low, depsgraph)
         if "uv0" not in arrays:
             raise WorkError(f"{low.name}: it has no UV map; unwrap it first")
         if (chosen.front or chosen.back) and not is_even(low.matrix_world):
@@ -72,11 +62,13 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
                 f"{low.name}: its scale is uneven, so distances are approximate; apply the scale",
             )
         colors = "vertex-color" in chosen.maps
-        cages = [] if self._cage is None else [arrays_with_faces(self._cage, depsgraph)]
+        cages = [] if self._cage is None else [object_arrays(self._cage, depsgraph)]
         self._low, self._chosen = low.name, chosen
         return Work(
             "bake", self._options(chosen, mean_scale(low.matrix_world)), low=[arrays], cage=cages,
-            high=[arrays_with_faces(item, depsgraph, colors=colors) for item in highs],
+            high=[
+                object_arrays(item, depsgraph, layers=colors, colors=colors) for item in highs
+            ],
         )  # fmt: skip
 
     @staticmethod
@@ -150,9 +142,10 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         leave_edit_mode(context)
         depsgraph = context.evaluated_depsgraph_get()
         chosen = self.chosen(context)
-        every = [arrays_with_faces(item, depsgraph) for item in (low, *highs)]
+        every = [object_arrays(low, depsgraph)]
+        every += [object_arrays(item, depsgraph, layers=False) for item in highs]
         self._names = [low.name, *(item.name for item in highs)]
-        self._counts = [len(arrays["sizes"]) for arrays in every]
+        self._counts = [int(arrays["count"]) for arrays in every]
         options = {"size": chosen.size, "padding": chosen.padding}
         return Work("check", options, mesh=every[:1], high=every[1:])
 

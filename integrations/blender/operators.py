@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .gather import is_even, mesh_arrays, object_arrays
+from .gather import is_even, marked_edges, mesh_arrays, object_arrays
 from .process import RUNNING, Work, WorkError
 from .results import make_object, set_uvs
 from .settings import LightenSettings, RemeshSettings, SimplifySettings, UnwrapSettings
@@ -178,7 +178,7 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
             active = item.data.uv_layers.active
             if chosen.seams in ("UV", "PACK") and active is None:
                 raise WorkError(f"{item.name}: it has no UV map whose seams could be kept")
-            every.append({**mesh_arrays(item.data), "name": item.name})
+            every.append(mesh_arrays(item.data, item.name) | marked_edges(item.data))
             self._names.append(item.name)
             self._maps.append(chosen.uv_map or (active.name if active else "UVMap"))
         is_cut = chosen.seams != "PACK"

@@ -17,7 +17,6 @@ from texbake.baking.bake import bake as baked_maps
 from texbake.baking.options import BakeOptions
 from texbake.checks.check import check as checked
 from texbake.checks.kinds import CheckOptions
-from texbake.errors import MeshError
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import unwrap_together
 from texbake.mesh.compose import join_parts, transformed
@@ -69,8 +68,6 @@ class Told:
 def mesh_of(arrays: Arrays, *, groups: bool = False) -> Mesh:
     """Return a texbake mesh in the object's own space; `groups`: of its materials."""
     name, triangles = str(arrays["name"]), arrays["triangles"]
-    if len(triangles) == 0:
-        raise MeshError(f"{name}: it has no faces")
     faces, positions = arrays["vertices"][triangles], arrays["positions"]
     fields: dict[str, Any] = {}
     colors = arrays.get("colors")
@@ -89,7 +86,7 @@ def mesh_of(arrays: Arrays, *, groups: bool = False) -> Mesh:
             "uv_faces": triangles,
             "uv_sets": {title: UvSet(arrays[f"uv{n}"], triangles) for n, title in further},
         }
-    if groups:
+    if groups and "materials" in arrays:
         materials = arrays["materials"][arrays["polygon_of"]]
         fields["face_groups"] = materials
         fields["group_names"] = tuple(map(str, range(int(materials.max()) + 1)))

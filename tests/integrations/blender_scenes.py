@@ -322,7 +322,7 @@ def unwrap_together():
     other = bpy.context.object
     choose(one, other)
     answer = tried("unwrap", size=128)
-    arrays = [part("gather").mesh_arrays(item.data) for item in (one, other)]
+    arrays = [part("gather").mesh_arrays(item.data, "") for item in (one, other)]
     hit = np.zeros((2, 512, 512), bool)
     weights = np.random.default_rng(0).dirichlet((1, 1, 1), 400)
     for number, each in enumerate(arrays):
