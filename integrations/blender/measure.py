@@ -190,7 +190,7 @@ def main(arguments):
     parser.add_argument("extension", type=Path)
     parser.add_argument("-o", "--output", type=Path, default=PICTURES, metavar="FOLDER")
     parser.add_argument("--sizes", type=int, nargs="*", default=SIZES)
-    parser.add_argument("--subdivisions", type=int, default=3, help="3: 1.3 million triangles")
+    parser.add_argument("--subdivisions", type=int, default=3, help="3: 2 million triangles")
     chosen = parser.parse_args(arguments)
     bpy = start(chosen.extension.resolve())
     rock = make_rock(bpy, chosen.subdivisions)
