@@ -12,7 +12,7 @@ def run() -> None:
     """Run the command line; from here on signals end it with one line, also while it imports."""
     from .signals import end_cleanly_on_signals
 
-    # Of what a command makes while it starts, nothing is garbage: the collector takes a 15th of it.
+    # A command makes no garbage while it starts, and the collector takes a 15th of that time.
     gc.set_threshold(100_000)
     open_closed_streams()  # before pipes could take their numbers
     end_cleanly_on_signals()

@@ -1,7 +1,7 @@
-"""`-` as the name of a mesh: the standard input, or the standard output.
+"""`-` as the name of a mesh: standard input or standard output.
 
 The mesh passes through a file in a temporary folder, whose name no message shows. With `-o -` only
-the mesh goes to the standard output; whatever else would be printed there goes to stderr.
+the mesh goes to standard output; everything else that is printed goes to stderr.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str
         yield dict(values)
         return
     if len(reads) > 1:
-        raise OptionError("two meshes cannot both be the standard input; name a file for one")
+        raise OptionError("two meshes cannot both come from standard input; name a file for one")
     with scratch_folder() as folder:
         click.get_current_context().meta[STREAMS] = f"{folder}/"
         if reads:
@@ -55,7 +55,7 @@ def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str
         output = folder / f"stdout{_suffix_of_output(values, chosen, verb)}"
         stream = sys.stdout.buffer
         if stream.isatty():
-            raise OptionError("output: the standard output is a terminal; redirect it to a file")
+            raise OptionError("output: standard output is a terminal; redirect it to a file")
         click.get_current_context().with_resource(redirect_stdout(sys.stderr))
         yield {**chosen, writes[0].name: output}
         try:
@@ -71,11 +71,11 @@ def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str
 def _check_used(values: Mapping[str, Any], *names: str) -> None:
     for name in names:
         if values.get(name) is not None:
-            raise OptionError(f"{name}: it is for -; the suffix of a file says its format")
+            raise OptionError(f"{name}: this is only for -; the suffix of a file gives its format")
 
 
 def _received(folder: Path, suffix: str | None) -> Path:
-    """Return a file with what the standard input holds."""
+    """Return a file with the content of standard input."""
     path = folder / "stdin"
     with path.open("wb") as file:
         shutil.copyfileobj(sys.stdin.buffer, file)
@@ -95,7 +95,7 @@ def _sniffed(path: Path) -> str:
         if head.startswith(beginning):
             return suffix
     if b"\0" in head or head.startswith(b"{"):
-        raise FileFormatError("standard input: its format is not clear; name it: --from FORMAT")
+        raise FileFormatError("standard input: the format is not clear; name it with --from FORMAT")
     return ".obj"
 
 
@@ -107,7 +107,9 @@ def _suffix_of_output(values: Mapping[str, Any], chosen: Mapping[str, Any], verb
     suffix = inputs[0].suffix.lower() if inputs else ""
     if suffix in WRITABLE_MESH_SUFFIXES:
         return suffix
-    raise OptionError(f"output: {suffix or 'the format'} cannot be written; name one: --to FORMAT")
+    raise OptionError(
+        f"output: {suffix or 'the format'} cannot be written; choose one: --to FORMAT"
+    )
 
 
 def format_options(verb: Verb) -> list[click.Option]:
@@ -116,10 +118,10 @@ def format_options(verb: Verb) -> list[click.Option]:
     outputs = [part.kind for part in verb.of_kind(Writes) if part.name == "output"]
     if not reads or outputs not in ([], ["mesh"]):
         return []
-    text = "Format of a mesh from the standard input, whose name is -.  [default: what it is]"
+    text = "Format of the mesh from standard input (-).  [default: found from the data]"
     options = [_format_option("--from", text, MESH_SUFFIXES)]
     if outputs:
-        text = "Format of a mesh for the standard output, -.  [default: that of the input]"
+        text = "Format of the mesh to standard output (-).  [default: that of the input]"
         options.append(_format_option("--to", text, WRITABLE_MESH_SUFFIXES))
     return options
 

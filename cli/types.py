@@ -80,7 +80,7 @@ class WholeNumbers(click.ParamType):  # type: ignore[type-arg]  # click 8.1 take
             return tuple(value)  # a default
         numbers = [whole_number(part) for part in value.split(",")]
         if None in numbers:
-            self.fail(f"{value!r} is not whole numbers such as 250,60", param, ctx)
+            self.fail(f"{value!r} is not a list of whole numbers such as 250,60", param, ctx)
         return tuple(number for number in numbers if number is not None)
 
 

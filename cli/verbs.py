@@ -72,7 +72,7 @@ def command_of(verb: Verb) -> click.Command:
             if named.get("output") == values.get("output"):
                 terminal.wrote(files)
             elif beside := ", ".join(path.name for path in files[1:]):
-                terminal.warn(f"standard output: {beside} left out; only the mesh is there")
+                terminal.warn(f"standard output: left out {beside}; only the mesh is written")
         elif exit_code := show(terminal, result, values):
             click.get_current_context().exit(exit_code)
 

@@ -86,9 +86,9 @@ def commands_page() -> str:
         "## Exit codes",
         table(("exit code", "meaning"), EXIT_CODES.items()),
         "## Standard input and output",
-        "Commands with `--from` read `-` as a mesh from the standard input; those with `--to` "
-        "write `-o -` to the standard output, and nothing else there: `cat scan.ply | texbake "
-        "convert - -o - --to glb > scan.glb`.",
+        "Commands with `--from` read a mesh from standard input if its name is `-`; commands with "
+        "`--to` write a mesh to standard output with `-o -`, and nothing else there: `cat scan.ply "
+        "| texbake convert - -o - --to glb > scan.glb`.",
     ]
     for heading, names in GROUPS.items():
         parts.append(f"## {heading}")
@@ -301,7 +301,7 @@ _FURTHER = (
     ("texbake.mapping", "`unwrap.unwrap_with_report`, `layout_svg.layout_svg`, ..."),
     ("texbake.texture", "`mipmaps.mip_chain`, `sample.sample_texture`, `pack`, `cube_map`, ..."),
     ("texbake.baking", "`texture.photos.bake_photos`, `texture.solid`, `hits_file`, ..."),
-    ("texbake.compat", "`xatlas`, with the names of xatlas-python"),
+    ("texbake.compat", "`xatlas`, with the API of xatlas-python"),
     ("texbake.rendering", "`scene.lights.Shadow`, `scene.material`, `compare_models`, ..."),
     ("texbake.pages", "`asset_page.write_bake_page`, `picture_pages.write_slider_page`"),
     ("texbake.study", "`study.run_study`, `bench.run.run_bench`"),
@@ -321,10 +321,10 @@ def python_page() -> str:
         _MADE,
         "`import texbake` takes a few milliseconds; each name is loaded when it is first used. A "
         "function that takes a mesh takes a `Mesh`, a `trimesh.Trimesh` or the path of a file.",
-        "Where NumPy is the only other package (`pip install numpy`, then `pip install --no-deps` "
-        "and the wheel), meshes, OBJ, PLY, STL and GLB files, texture coordinates, bakes, pictures "
-        "and PNG files that are written work as always. Whatever needs another library, such as "
-        "reading an image, raises a `DependencyError` that says how to install it.",
+        "Without any package other than NumPy (`pip install numpy`, then `pip install --no-deps` "
+        "and the wheel), these work as always: meshes, OBJ, PLY, STL and GLB files, texture "
+        "coordinates, bakes, pictures, and writing PNG files. Anything that needs another library, "
+        "such as reading an image, raises a `DependencyError` that says how to install it.",
     ]
     for package, title in _PACKAGE_TITLES.items():
         if package in names:

@@ -1,9 +1,9 @@
 """Stages of long work: their progress for a listener, and their times for the report.
 
 A function that takes long accepts `progress`, an object with the three methods of `ProgressSink` or
-one function, and opens a `Stages` on it. What a listener raises ends the work: that is how it is
-cancelled. The times of the stages are kept for the report either way. Where a
-command has opened `process_times`, each second of the process counts for exactly one stage.
+one function, and opens a `Stages` on it. An exception that a listener raises cancels the work. The
+times of the stages are kept for the report either way. Where a command has opened `process_times`,
+each second of the process counts for exactly one stage.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ class ProgressSink(Protocol):
 class ProgressBar:
     """Shows the running stage on stderr, in a terminal or a notebook: what `progress=True` means.
 
-    A stage that took a tenth of a second or more leaves a line with its time. A file gets these
-    lines alone.
+    A stage that took a tenth of a second or more leaves a line with its time. A file gets only
+    these lines.
     """
 
     INTERVAL = 0.1  # seconds between two states of a stage
@@ -109,9 +109,9 @@ class _Caller:
 Progress = ProgressSink | Callable[[str, float | None], object] | bool | None
 """What functions take as `progress`: a listener, a function, True for a `ProgressBar`, or nothing.
 
-A function is called with the name of each stage and the share of it that is done, None where that
-is not known. Work ends with a `CancelledError` where it returns False, and with any error that it
-raises.
+A function is called with the name of each stage and the share of it that is done, or None if that
+is not known. If it returns False, the work ends with a `CancelledError`; if it raises an error, the
+work ends with that error.
 """
 
 

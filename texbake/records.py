@@ -1,7 +1,7 @@
-"""Dataclasses that cost little to define: `__init__` is written when it is first needed.
+"""Dataclasses that are cheap to define: `__init__` is made when it is first needed.
 
 The decorator of the standard library compiles up to seven methods for each class, which takes
-0.7 ms. A command loads a hundred classes and makes objects of half of them. The decorator here
+0.7 ms. A command loads a hundred classes and makes instances of half of them. The decorator here
 takes 0.2 ms, and 0.2 ms more with the first object of a class.
 """
 

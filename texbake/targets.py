@@ -33,7 +33,7 @@ class Target:
     # Patterns of file names.
     mesh_name: str = "{asset}"
     map_name: str = "{asset}_{map}"
-    # Its words for maps in file names, where they differ.
+    # The program's words for maps in file names, where they differ.
     words: dict[str, str] = field(default_factory=dict)
     # Separator before the number of a UDIM tile; empty if it does not support tiles.
     tile_mark: str = ""
@@ -134,5 +134,5 @@ OWN_FILES = Target(
 SETTINGS = "SETTINGS.txt"
 PRESET_HELP = (
     "Choose size, padding, green channel, bits, names and formats as this program expects them; "
-    "options that are given win."
+    "options that you give take precedence."
 )

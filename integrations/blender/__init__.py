@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The extension of Blender: its menus and panel. See docs/how-to/blender.md."""
+"""The extension for Blender: its menus and panel. See docs/how-to/blender.md."""
 
 import atexit
 
@@ -11,7 +11,7 @@ from .process import close_all
 
 
 class ObjectMenu(bpy.types.Menu):
-    """All operators, in the menu Object of the 3D viewport."""
+    """All operators, in the Object menu of the 3D viewport."""
 
     bl_idname = "TEXBAKE_MT_object"
     bl_label = "texbake"
@@ -30,7 +30,7 @@ def draw_object_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
 
 
 def draw_uv_menu(self: bpy.types.Menu, context: bpy.types.Context) -> None:
-    """Add what UV editors need."""
+    """Add the operators for texture coordinates."""
     self.layout.separator()
     self.layout.operator_context = "INVOKE_DEFAULT"
     self.layout.operator("texbake.unwrap", text="Unwrap (texbake)")
@@ -109,7 +109,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Remove everything, and end what still works."""
+    """Remove everything, and end processes that still run."""
     close_all()
     atexit.unregister(close_all)
     bpy.types.IMAGE_MT_uvs.remove(draw_uv_menu)

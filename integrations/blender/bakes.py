@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The operators for a pair of meshes: bake, and check with the selection of what it finds."""
+"""The operators for a pair of meshes: bake, and check, which selects the faces that it finds."""
 
 import math
 from pathlib import Path
@@ -18,7 +18,7 @@ from .settings import MAPS, BakeSettings, CheckSettings
 
 
 def active_mesh(context: bpy.types.Context) -> bpy.types.Object:
-    """Return the active object, which must be a mesh of some size."""
+    """Return the active object, which must be a mesh whose scale is not 0."""
     low = context.view_layer.objects.active
     if low is None or low.type != "MESH":
         raise WorkError("the active object is not a mesh; select the low-poly mesh last")
@@ -41,7 +41,10 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         others = [o for o in context.view_layer.objects.selected if o not in (low, self._cage)]
         highs = self.meshes(context, others)
         if not highs:
-            raise WorkError("select the high-poly objects, and then the low-poly mesh as well")
+            raise WorkError(
+                "no high-poly mesh is selected; select the high-poly objects first, and the "
+                "low-poly mesh last"
+            )
         if not chosen.maps:
             raise WorkError("no map is chosen")
         if chosen.save == "FILES" and not bpy.data.filepath:
@@ -59,7 +62,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         if (chosen.front or chosen.back) and not is_even(low.matrix_world):
             self.report(
                 {"WARNING"},
-                f"{low.name}: its scale is uneven, so distances are approximate; apply the scale",
+                f"{low.name}: non-uniform scale makes distances approximate; apply the scale",
             )
         colors = "vertex-color" in chosen.maps
         cages = [] if self._cage is None else [object_arrays(self._cage, depsgraph)]
@@ -77,7 +80,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
             return None
         cage = bpy.data.objects.get(chosen.cage)
         if cage is None or cage.type != "MESH":
-            raise WorkError(f"{chosen.cage}: there is no mesh object of this name for the cage")
+            raise WorkError(f"{chosen.cage}: no mesh object of this name exists for the cage")
         return cage
 
     @staticmethod
@@ -110,7 +113,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         if self._chosen.wire:
             work.warnings += show_maps(low, maps, images, work.done["uv"])
         missed = work.done["miss_percent"]
-        return f"{', '.join(image.name for image in images)}: {missed:.2f} % of the texels missed"
+        return f"{', '.join(image.name for image in images)}: {missed:.2f} % of texels missed"
 
 
 class TexbakeFinding(bpy.types.PropertyGroup):
@@ -128,7 +131,7 @@ _FACES: list[Faces] = []  # of each finding
 
 
 class Check(Working, CheckSettings, bpy.types.Operator):
-    """Find what will go wrong in a bake of the selected objects to the active mesh."""
+    """Find problems of a bake from the selected objects to the active mesh."""
 
     bl_idname = "texbake.check"
     bl_label = "Check"
@@ -150,7 +153,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         return Work("check", options, mesh=every[:1], high=every[1:])
 
     def end(self, context: bpy.types.Context, work: Work) -> str:
-        """List the findings, and select the faces of the worst."""
+        """List the findings, and select the faces of the worst one."""
         listed, arrays = context.window_manager.texbake_findings, work.result("out")
         listed.clear()
         _FACES.clear()
@@ -169,7 +172,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         named = [f"{entry.severity}: {entry.title} ({entry.counted})" for entry in listed]
         for line in named:
             self.report({"WARNING"}, line)
-        return f"{len(named)} findings" if named else "Nothing was found"
+        return f"{len(named)} findings" if named else "No problems found"
 
     def _by_object(self, polygons: AnyArray, in_high: bool) -> Faces:
         """Return the polygons of each object, from those of all high-poly objects together."""

@@ -35,7 +35,7 @@ def platform_of(wheel: Path) -> str:
     for pattern, platform in PLATFORMS.items():
         if re.fullmatch(pattern, tag):
             return platform
-    raise SystemExit(f"{wheel}: its platform, {tag}, is none of {', '.join(PLATFORMS.values())}")
+    raise SystemExit(f"{wheel}: its platform {tag} is not one of {', '.join(PLATFORMS.values())}")
 
 
 def manifest_for(wheel: Path) -> str:

@@ -25,7 +25,7 @@ def leave_edit_mode(context: bpy.types.Context) -> str:
 
 
 class Working:
-    """An operator whose work is done by another process, while the interface stays free.
+    """An operator whose work another process does, while the interface stays responsive.
 
     Called by a script, or without a window, it waits until the work is done. A class has `group`,
     the name of its settings, `begin`, which starts the work, and `end`, which takes its result.
@@ -39,9 +39,9 @@ class Working:
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Only one process works at a time."""
+        """Return whether no other process runs: only one does at a time."""
         if RUNNING:
-            cls.poll_message_set("texbake is at work; press Esc to stop it")
+            cls.poll_message_set("texbake is already running; press Esc to stop it")
         return not RUNNING
 
     def chosen(self, context: bpy.types.Context) -> SimpleNamespace:
@@ -68,7 +68,7 @@ class Working:
         return found
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Work to the end."""
+        """Run until the work is done."""
         try:
             self._work = self.begin(context)
             self._work.poll(wait=True)
@@ -79,7 +79,7 @@ class Working:
             self._close(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start to work, and watch the process by a timer."""
+        """Start the work, and watch the process with a timer."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         try:
@@ -115,7 +115,7 @@ class Working:
         return result
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop: Blender closes, or opens another file."""
+        """Stop, because Blender closes or opens another file."""
         self._close(context)
 
     def _show(self, context: bpy.types.Context) -> None:
@@ -154,19 +154,19 @@ def found_again(name: str) -> bpy.types.Object:
     """Return an object by its name, after the work."""
     item = bpy.data.objects.get(name)
     if item is None:
-        raise WorkError(f"{name}: it was removed or renamed while texbake worked")
+        raise WorkError(f"{name}: it was removed or renamed while texbake was running")
     return item
 
 
 class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
-    """Give the selected meshes texture coordinates, all in one texture."""
+    """Unwrap the selected meshes into one texture."""
 
     bl_idname = "texbake.unwrap"
     bl_label = "Unwrap"
     group = "unwrap"
 
     def begin(self, context: bpy.types.Context) -> Work:
-        """Send the meshes without their modifiers, since those keep the coordinates."""
+        """Send the meshes without their modifiers, which keep the coordinates."""
         items = self.some_meshes(context)
         self._mode = leave_edit_mode(context)
         items = list({item.data: item for item in items}.values())
@@ -177,7 +177,7 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
                 raise WorkError(f"{item.name}: it is linked from another file; make it local first")
             active = item.data.uv_layers.active
             if chosen.seams in ("UV", "PACK") and active is None:
-                raise WorkError(f"{item.name}: it has no UV map whose seams could be kept")
+                raise WorkError(f"{item.name}: it has no UV map, so there are no seams to keep")
             every.append(mesh_arrays(item.data, item.name) | marked_edges(item.data))
             self._names.append(item.name)
             self._maps.append(chosen.uv_map or (active.name if active else "UVMap"))
@@ -196,17 +196,17 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
         results = [work.result(f"out{number}")["uvs"] for number in range(len(items))]
         for item, uvs in zip(items, results, strict=True):
             if len(item.data.loops) != len(uvs):
-                raise WorkError(f"{item.name}: it was changed while texbake worked")
+                raise WorkError(f"{item.name}: it was changed while texbake was running")
         for item, name, uvs in zip(items, self._maps, results, strict=True):
             if not set_uvs(item, name, uvs):
-                raise WorkError(f"{item.name}: it has no room for another UV map")
+                raise WorkError(f"{item.name}: it already has eight UV maps, the most possible")
         if self._mode == "EDIT":
             bpy.ops.object.mode_set(mode="EDIT")
         return f"{work.done['charts']:,} UV islands"
 
 
 class Reducing(Working):
-    """Makes new objects beside the selected ones, which stay."""
+    """Makes new objects beside the selected ones, which stay as they are."""
 
     suffix = ""
 
@@ -220,7 +220,7 @@ class Reducing(Working):
         self._maps = [str(arrays["uv_names"][0]) if "uv0" in arrays else "" for arrays in every]
         if not all(map(is_even, (item.matrix_world for item in items))):
             self.report(
-                {"INFO"}, "Objects whose scale is uneven are reduced as the scene shows them"
+                {"INFO"}, "Objects with non-uniform scale are reduced as the scene shows them"
             )
         return Work(self.group, options, mesh=every)
 
@@ -288,7 +288,7 @@ class Lighten(Working, LightenSettings, bpy.types.Operator):
         return Work("lighten", options, prepare=export_selection)
 
     def end(self, context: bpy.types.Context, work: Work) -> str:
-        """Import the result, which is selected then."""
+        """Import the result, which Blender then selects."""
         leave_edit_mode(context)
         images = set(bpy.data.images)
         bpy.ops.import_scene.gltf(filepath=str(work.folder / "out.glb"))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The process that works beside Blender: started, watched, and ended with Blender."""
+"""The separate process that does the work: started, watched, and ended with Blender."""
 
 import importlib.util
 import json
@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 WORKER = Path(__file__).with_name("worker.py")
-_WAIT = 5.0  # seconds that a process has to end when it is told to
+_WAIT = 5.0  # seconds that a process has to end after it is asked to
 _MOST_LINES = 20  # of what a process printed before it failed
 
 RUNNING: set["Work"] = set()
@@ -61,8 +61,8 @@ class Work:
         python = bpy.utils.system_resource("PYTHON")
         if paths["texbake"] is None:
             raise WorkError(
-                "the package texbake is missing: install the zip file of the extension that is "
-                "made for this system"
+                "the package texbake is missing: install the zip file of the extension for this "
+                "platform"
             )
         try:
             self.folder = Path(tempfile.mkdtemp(prefix="texbake-"))
@@ -105,7 +105,7 @@ class Work:
         self._lines.put(None)
 
     def poll(self, *, wait: bool = False) -> bool:
-        """Read what the process has told; return whether it has ended.
+        """Read what the process has printed; return whether it has ended.
 
         Raises
         ------
@@ -164,6 +164,6 @@ class Work:
 
 
 def close_all() -> None:
-    """End all processes: Blender closes, or the extension is disabled."""
+    """End all processes, because Blender closes or the extension is disabled."""
     for work in tuple(RUNNING):
         work.close()

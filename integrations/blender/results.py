@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What comes back into the scene: images, materials that use them, texture coordinates, meshes."""
+"""Results in the scene: images, materials that use them, texture coordinates, meshes."""
 
 import shutil
 from pathlib import Path

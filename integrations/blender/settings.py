@@ -14,13 +14,13 @@ from bpy.props import (
 )
 
 MAPS = (
-    ("normal", "Normal", "Directions of the surface, in tangent space"),
+    ("normal", "Normal", "Surface normals in tangent space"),
     ("displacement", "Displacement", "Distances along the smooth normals"),
     ("ao", "Ambient Occlusion", "How much light from all sides reaches the surface"),
-    ("bent-normal", "Bent Normal", "Mean direction from which light arrives"),
-    ("curvature", "Curvature", "Edges are white and grooves black"),
+    ("bent-normal", "Bent Normal", "Mean direction that is not occluded"),
+    ("curvature", "Curvature", "White edges and black grooves"),
     ("thickness", "Thickness", "How thick the model is below the surface"),
-    ("position", "Position", "Points of the surface in the space of the active object"),
+    ("position", "Position", "Surface points in the space of the active object"),
     ("object-id", "Object ID", "A color for each high-poly object"),
     ("vertex-color", "Vertex Color", "Active color attribute of the high-poly objects"),
 )
@@ -49,21 +49,21 @@ UNWRAP_QUALITIES = (
     ("best", "Best", "Fewer charts and tighter packing"),
 )
 SEAMS = (
-    ("MARKED", "Marked", "Cut at the edges that are marked as seams, and nowhere else if possible; "
-     "where none is marked, texbake chooses"),
-    ("UV", "UV Map", "Cut where the UV map is cut"),
+    ("MARKED", "Marked", "Cut only at edges that are marked as seams, if possible; texbake chooses "
+     "where to cut a mesh without any"),
+    ("UV", "UV Map", "Cut along the seams of the UV map"),
     ("FREE", "Free", "texbake chooses where to cut"),
     ("PACK", "Only Pack", "Keep the UV islands, and only pack them"),
 )  # fmt: skip
 UV_SEAMS = (
-    ("auto", "Auto", "Keep seams while the number of triangles can be reached with them"),
-    ("keep", "Keep", "Keep seams, and more triangles if need be"),
-    ("drop", "Drop", "Leave texture coordinates out"),
+    ("auto", "Auto", "Keep seams if the number of triangles can be reached with them"),
+    ("keep", "Keep", "Keep seams, with more triangles if necessary"),
+    ("drop", "Drop", "Drop texture coordinates"),
 )
 SURFACES = (
     ("auto", "Auto", "Closed or open, whichever fits the mesh"),
     ("closed", "Closed", "Fill all holes"),
-    ("open", "Open", "Keep the boundary"),
+    ("open", "Open", "Keep open boundaries"),
 )
 
 
@@ -78,7 +78,7 @@ def padding() -> Any:
     """Return the property that all paddings share."""
     return IntProperty(
         name="Padding", default=4, min=0, max=256,
-        description="Texels around each UV island that are filled with its colors",
+        description="Width in texels around each UV island that is filled with its colors",
     )  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def distance(name: str, text: str) -> Any:
     """Return the property of a distance along rays."""
     return FloatProperty(
         name=name, default=0.0, min=0.0, subtype="DISTANCE", unit="LENGTH", precision=4,
-        description=f"{text}; 0 fits it to the meshes at each vertex",
+        description=f"{text}; 0: chosen at each vertex from the meshes",
     )  # fmt: skip
 
 
@@ -94,7 +94,11 @@ class BakeSettings:
     """How maps are baked."""
 
     maps: EnumProperty(
-        name="Maps", items=MAPS, options={"ENUM_FLAG"}, default={"normal"}, description="To bake"
+        name="Maps",
+        items=MAPS,
+        options={"ENUM_FLAG"},
+        default={"normal"},
+        description="Maps to bake",
     )
     size: size()
     samples: EnumProperty(name="Samples", items=SAMPLES, default="1", description="Rays per texel")
@@ -103,14 +107,14 @@ class BakeSettings:
         name="Target", items=TARGETS, description="Program that the images are for"
     )
     cage: StringProperty(
-        name="Cage", description="Object where rays start: the active mesh, moved outwards"
+        name="Cage", description="Mesh where rays start: the active mesh, moved outwards"
     )
     front: distance("Front", "Distance outside the active object at which rays start")
     back: distance("Back", "Distance inside the active object at which rays end")
     rays: IntProperty(
         name="Occlusion Rays", default=64, min=1, max=4096,
-        description="Rays per texel of ambient occlusion, bent normals and thickness, which is "
-        "rounded to a power of two",
+        description="Rays per texel for ambient occlusion, bent normals and thickness, rounded to "
+        "a power of two",
     )  # fmt: skip
     save: EnumProperty(name="Images", items=SAVE, description="Where the images are stored")
     wire: BoolProperty(
@@ -128,10 +132,11 @@ class UnwrapSettings:
     seams: EnumProperty(name="Seams", items=SEAMS)
     sharp: BoolProperty(
         name="Sharp Edges", default=False,
-        description="Cut at the edges that are marked as sharp as well",
+        description="Also cut at edges that are marked as sharp",
     )  # fmt: skip
     uv_map: StringProperty(
-        name="UV Map", description="UV map to write, which is made if it is missing; empty: active"
+        name="UV Map",
+        description="UV map to write, created if it is missing; empty: the active one",
     )
 
 
@@ -140,7 +145,7 @@ class SimplifySettings:
 
     faces: IntProperty(
         name="Triangles", default=0, min=0, soft_max=1_000_000,
-        description="Number of triangles to reach; 0: the ratio says it",
+        description="Number of triangles to reach; 0: use the ratio",
     )  # fmt: skip
     ratio: FloatProperty(
         name="Ratio", default=0.1, min=0.0001, max=1.0, subtype="FACTOR",
@@ -167,7 +172,7 @@ class RemeshSettings:
     )
     faces: IntProperty(
         name="Triangles", default=0, min=0, soft_max=1_000_000,
-        description="Number of triangles to simplify the result to; 0: it is not simplified",
+        description="Number of triangles to simplify the result to; 0: do not simplify it",
     )  # fmt: skip
 
 
@@ -176,11 +181,11 @@ class LightenSettings:
 
     faces: IntProperty(
         name="Triangles", default=0, min=0, soft_max=1_000_000,
-        description="Number of triangles to reach; 0: a tenth, and 5,000 at least",
+        description="Number of triangles to reach; 0: a tenth, but at least 5,000",
     )  # fmt: skip
     size: IntProperty(
         name="Size", default=0, min=0, max=16384,
-        description="Side of the images in texels; 0: what the images of the model need",
+        description="Side of the images in texels; 0: as large as the images of the model need",
     )  # fmt: skip
 
 
@@ -203,7 +208,7 @@ _PANELS = {
 
 
 class TexbakeSettings(bpy.types.PropertyGroup):
-    """What a scene remembers of the panel: settings by the names of the operators."""
+    """The settings of the panel that a scene stores, by the names of the operators."""
 
     __annotations__ = {name: PointerProperty(type=panel) for name, panel in _PANELS.items()}
 

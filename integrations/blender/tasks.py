@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tasks of the worker: meshes of Blender as arrays in, and arrays and images in a folder out.
+"""The tasks of the worker, from arrays of Blender's meshes to arrays and images in a folder.
 
 All lengths are those of the space of an object. A task ends with a line that says what is done.
 """
@@ -42,19 +42,19 @@ def tell(**values: Any) -> None:
 
 
 class Told:
-    """Tells the progress of stages, ten times per second at most."""
+    """Reports the progress of stages, at most ten times per second."""
 
     def __init__(self) -> None:
         self._totals: dict[str, int | None] = {}
         self._last = 0.0
 
     def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Tell that a stage has begun."""
+        """Report that a stage has begun."""
         self._totals[stage] = total
         tell(stage=stage)
 
     def advanced(self, stage: str, done: int) -> None:
-        """Tell how much of a stage is done."""
+        """Report how much of a stage is done."""
         total, now = self._totals.get(stage), time.monotonic()
         if total and now - self._last > 0.1:
             self._last = now
@@ -176,7 +176,7 @@ def marked_edges(arrays: Arrays, mesh: Mesh, kinds: list[str]) -> AnyArray | Non
 
 
 def split_polygons(mesh: Mesh, corners: AnyArray) -> AnyArray:
-    """Return which polygons have corners with several texture coordinates: Blender has none such.
+    """Return which polygons have corners with several texture coordinates, unlike Blender's.
 
     `corners` (n, 2): a coordinate of each of Blender's corners, which `mesh.normal_faces` index.
     """
@@ -231,7 +231,7 @@ def unwrap(folder: Path, options: Options, mesh: list[Arrays]) -> None:
 
 
 def write_mesh(folder: Path, number: int, mesh: Mesh) -> None:
-    """Write the arrays of a mesh for Blender to make one of."""
+    """Write the arrays from which Blender makes a mesh."""
     arrays: dict[str, Any] = {
         "positions": mesh.positions.astype(np.float32), "faces": mesh.faces,
     }  # fmt: skip
@@ -257,7 +257,7 @@ def scaled_back(mesh: Mesh, matrix: AnyArray | None) -> Mesh:
 
 
 def in_scene(arrays: Arrays) -> tuple[Mesh, AnyArray | None]:
-    """Return a mesh as the scene shows it where that has other proportions, and the way back."""
+    """Return a mesh, with the scale of its object if that is not uniform, and the way back."""
     mesh, linear = mesh_of(arrays, groups=True), arrays["matrix"][:3, :3]
     products = linear.T @ linear
     size = np.trace(products) / 3.0
@@ -269,7 +269,7 @@ def in_scene(arrays: Arrays) -> tuple[Mesh, AnyArray | None]:
 
 
 def simplify(folder: Path, options: Options, mesh: list[Arrays]) -> None:
-    """Write meshes of fewer triangles."""
+    """Write meshes with fewer triangles."""
     ratio, notes, counts = options.pop("ratio"), [], []
     for number, arrays in enumerate(mesh):
         given, back = in_scene(arrays)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What runs beside Blender: does the task in a folder, and prints lines of JSON.
+"""The process beside Blender: it does the task in a folder, and prints lines of JSON.
 
 Blender's own Python runs it, with NumPy and the wheel of texbake alone.
 """
@@ -59,7 +59,7 @@ def main(folder: Path) -> None:
     except MemoryError:
         tell(error="there is not enough memory; use fewer samples, smaller maps or smaller meshes")
     except ImportError as error:
-        tell(error=f"it needs a library that Blender does not have: {error}")
+        tell(error=f"a library is missing from Blender's Python: {error}")
     except Exception:
         traceback.print_exc()
         raise SystemExit(1) from None

@@ -1,4 +1,4 @@
-"""`-`: a mesh from the standard input, or to the standard output, and nothing else there."""
+"""`-`: a mesh from standard input, or to standard output, and nothing else there."""
 
 import json
 
@@ -69,9 +69,14 @@ def test_no_message_shows_the_folder_behind_a_stream(pipe):
     ("words", "file", "exit_code", "message"),
     [
         ("info -", None, 1, "standard input: it is empty; pipe a mesh into it"),
-        ("info - ", "ball.usdz", 1, "standard input: its format is not clear; name it: --from"),
-        ("info ball.ply --from ply", None, 2, "--from: it is for -; the suffix of a file says"),
-        ("compare - -", "ball.ply", 2, "two meshes cannot both be the standard input"),
+        ("info - ", "ball.usdz", 1, "standard input: the format is not clear; name it with --from"),
+        (
+            "info ball.ply --from ply",
+            None,
+            2,
+            "--from: this is only for -; the suffix of a file",
+        ),
+        ("compare - -", "ball.ply", 2, "two meshes cannot both come from standard input"),
         ("convert - -o - --to fbx", "ball.ply", 2, "'fbx' is not one of"),
     ],
 )

@@ -132,7 +132,7 @@ def test_a_way_avoids_the_diagonals_of_polygons(tmp_path):
     ("text", "message"),
     [
         ("v 0 0 0\n", "has no lines"),
-        ("v 0 1 0\nv 0 9 0\nl 1 2\n", r"no vertex of .* lies at its point \(0, 9, 0\)"),
+        ("v 0 1 0\nv 0 9 0\nl 1 2\n", r"no vertex of .* is at the point \(0, 9, 0\)"),
         ("v 0 1 0\nl 1 2\n", "line 2: a line needs two or more of the vertices above it"),
         ("v 0 1 0\nl 1\n", "line 2: a line needs two or more"),
         ("v 0 1 0\nl 1 x\n", "line 2: 'x' is not a number"),
@@ -161,8 +161,8 @@ def test_parts_that_no_edges_join_have_no_way(tmp_path):
     [
         ([[0, 10**6]], "a vertex is 1000000; the vertices of .* are 0 to"),
         ([[-1, 2]], "a vertex is -1"),
-        ([0, 1, 2], "an array of int64 of shape .*; pass pairs of vertices"),
-        ([[0.0, 1.0]], "an array of float64"),
+        ([0, 1, 2], "the array has type int64 and shape .*; pass pairs of vertices"),
+        ([[0.0, 1.0]], "the array has type float64"),
         ([[0, 50]], "no edge between its vertices 0 and 50"),
     ],
 )
@@ -182,5 +182,5 @@ def test_pairs_that_are_no_edges_are_refused(seams, message):
 def test_what_seams_do_not_go_with(options):
     with pytest.raises(OptionError, match="keep_seams"):
         UnwrapOptions(**options)
-    with pytest.raises(OptionError, match="seams: the method box has none"):
+    with pytest.raises(OptionError, match="seams: the method box has no seams"):
         unwrap(bare(uv_sphere(8, 8)), method="box", seams=[[0, 1]])

@@ -140,4 +140,4 @@ def test_texture_coordinates_and_errors_need_the_whole_mesh(tmp_path: Path) -> N
         (bumpy(30), SimplifyOptions(error="5%")),
     ):
         _, report = simplified(mesh, tmp_path, options)
-        assert [note for note in report.notes if "was read whole, over `max_memory`" in note]
+        assert [note for note in report.notes if "read whole, which exceeds `max_memory`" in note]

@@ -1,7 +1,7 @@
 """The point of the surface at each texel of an atlas, for programs that fill the texels themselves.
 
-As `finish` does, a program evaluates a field, a network or photographs at the points, puts the
-values into an image, and fills what is left with `texbake.fill`.
+Like `finish`, a program evaluates a field, a network or photographs at the points, puts the values
+into an image, and fills the other texels with `texbake.fill`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a program can show of an asset, as findings: triangles, images, texels per meter, bytes.
+"""Limits of programs, as findings: triangles, image size, texels per meter, file size.
 
 The limits are those of `texbake.targets`.
 """
@@ -36,7 +36,7 @@ class AssetFile:
         n_bytes, suffix = Path(path).stat().st_size, Path(path).suffix.lower()
         try:
             contents = read_contents(path)
-        except TexbakeError:  # what is wrong with a material is not that of the mesh
+        except TexbakeError:  # a damaged material is no problem of the mesh
             contents = None
         if contents is None:
             return cls(n_bytes=n_bytes, images={})
@@ -57,7 +57,7 @@ class AssetFile:
 
 
 def budget_findings(checked: CheckedMesh, file: AssetFile | None) -> list[Finding | None]:
-    """Findings about a mesh that is more, or less, than the program of the profile can show."""
+    """Findings about a mesh beyond the limits of the program of the profile."""
     options, mesh = checked.options, checked.mesh
     assert options.profile is not None
     target = PROGRAMS[options.profile]

@@ -236,7 +236,7 @@ BUDGET_KINDS = (
         title="too many triangles",
         unit=("triangle", "triangles"),
         severity="error",
-        problem="An asset for {title} should have at most {most:,}.",
+        problem="An asset for {title} should have at most {most:,} triangles.",
         remedy="Simplify it: texbake simplify --faces {most}. Or make an asset of it: texbake run.",
     ),
     Kind(
@@ -244,7 +244,7 @@ BUDGET_KINDS = (
         title="large images",
         unit=("image", "images"),
         severity="error",
-        problem="They are more than {most:,} texels wide or high: {names}.",
+        problem="Images are more than {most:,} texels wide or high: {names}.",
         remedy="Bake them smaller: texbake lighten --size {most}.",
     ),
     Kind(
@@ -252,8 +252,8 @@ BUDGET_KINDS = (
         title="large file",
         unit=("file", "files"),
         severity="error",
-        problem="With its images it has {size:.1f} MB. An asset for {title} should have at most "
-        "{most:.1f} MB.",
+        problem="With its images, the file has {size:.1f} MB. An asset for {title} should have at "
+        "most {most:.1f} MB.",
         remedy="Make it smaller: texbake lighten.",
     ),
     Kind(
@@ -261,8 +261,8 @@ BUDGET_KINDS = (
         title="few texels per meter",
         unit=MESHES,
         severity="warning",
-        problem="With a texture of {width} x {height} its surface has {density:.3g} texels per "
-        "meter on average, and less than {least:g} look blurred.",
+        problem="With a texture of {width} x {height}, the surface has {density:.3g} texels per "
+        "meter on average; fewer than {least:g} look blurred.",
         remedy="Bake a larger texture, or scale a mesh whose unit is not the meter: texbake "
         "transform --scale.",
     ),
@@ -283,8 +283,8 @@ class CheckOptions(TextureOptions):
 
     profile: str | None = option(
         None,
-        "Also check what this program expects: triangles, images, texels per meter and bytes; size "
-        "and padding that are not given are its own.",
+        "Also check the limits of this program: triangles, image size, texels per meter and file "
+        "size. The program also sets the defaults of size and padding.",
         choices=tuple(PROGRAMS),
         default="none",
     )

@@ -1,1 +1,1 @@
-"""Modules with the names of other libraries, so that a program changes one import."""
+"""Modules with the API of other libraries, so that a program only changes one import."""

@@ -1,10 +1,10 @@
-"""The names of xatlas-python, on texbake's own unwrap.
+"""The API of xatlas-python, with texbake's own unwrap.
 
     import texbake.compat.xatlas as xatlas
 
 Arguments, results and exceptions are those of xatlas-python 0.0.11. A mesh is unwrapped by
-`texbake.unwrap`, so its charts are the same at any size and position of the model. What differs is
-named at the options: those that steer how xatlas grows and places charts have no effect.
+`texbake.unwrap`, so its charts are the same at any size and position of the model. The
+options say what differs: those that control how xatlas grows and places charts have no effect.
 
 Based on: Markus Worchel, xatlas-python, 2020; Jonathan Young, xatlas, 2018.
 """

@@ -3,8 +3,8 @@
 arrays ─ repair ─ simplify or wrap ─ unwrap ─► bake ◄─ a function of points ─► GLB
 
 The steps are those of `run`. Colors and other channels come from a function that is called with
-points of the raw mesh, batch by batch: so sparse voxels, Gaussians, neural fields or photographs
-fill the texels where they are defined.
+points of the raw mesh, batch by batch, so that sparse voxels, Gaussians, neural fields or
+photographs fill the texels.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Finished(Asset):
     """What `finish` made: `low` with texture coordinates, maps, and how they were made."""
 
     materials: Materials  # of the low-poly mesh, with the maps as encoded images
-    bits: tuple[str, ...]  # a sentence on the parts that were left out, if any were
+    bits: tuple[str, ...]  # a sentence on the parts that were left out, if any
     stages: list[StageRecord]  # their times
 
     def __repr__(self) -> str:
@@ -76,7 +76,7 @@ class Finished(Asset):
 
     @property
     def warnings(self) -> list[str]:
-        """What the user should look at, a sentence each."""
+        """What the user should look at, one sentence each."""
         return [*self.bits, *self.notes, *self.baked.report.warnings]
 
     @property
@@ -113,9 +113,9 @@ def finish(
 ) -> Finished:
     """Make a finished model from a generated mesh: few faces, an atlas, and maps.
 
-    The mesh is repaired, simplified, unwrapped and baked as by `run`. Where simplifying would tear
-    it, or most of it lies inside, a closed surface around it is simplified instead; an open mesh
-    stays open.
+    texbake repairs, simplifies, unwraps and bakes the mesh, as `run` does. If simplification would
+    tear the mesh, or much of it lies inside, texbake simplifies a closed surface around it instead;
+    an open mesh stays open.
 
     Parameters
     ----------
@@ -128,22 +128,22 @@ def finish(
         `vertices`; both arguments are (N, 3) float64, and normals point outwards. It returns colors
         (N, 3), or (N, 4) with opacity, or a dictionary of channels by name: `base_color`, `alpha`
         or `opacity`, `metallic`, `roughness`, `occlusion`, `emissive` and others of glTF. Values
-        lie in [0, 1], or are uint8. It is called from the thread of the caller, first with a few
-        points and then with up to 262,144 of them, in an order that never changes.
+        lie in [0, 1], or are uint8. The function is called from the thread of the caller, first
+        with a few points and then with up to 262,144 of them, in an order that never changes.
     linear : bool
         Whether the colors of `sample` are linear light. By default they are sRGB, as in images.
     least_part : float, optional
         Parts with a smaller share of the surface area are left out, unless they are half as large
-        as the largest. By default those that are smaller than a triangle of the result, if they
-        make up no more than a hundredth of the area; 0 keeps all.
+        as the largest. By default, parts smaller than a triangle of the result are left out, if
+        together they have at most a hundredth of the area; 0 keeps all.
     output : path, optional
         The GLB file to write; `Finished.write` writes it later.
     options, **changes
         `RunOptions`, and fields to change in them, as in ``finish(..., n_faces=5000, size=1024)``.
-        By default 10,000 faces and maps of 2048 x 2048 texels. Nothing is compared.
+        The defaults are 10,000 faces and maps of 2048 x 2048 texels. Nothing is compared.
     progress
         True shows a bar. A function is called with the name of each stage and the share of it that
-        is done; where it returns False, the work ends with a `CancelledError`.
+        is done; if it returns False, `finish` raises a `CancelledError`.
 
     Returns
     -------
@@ -153,10 +153,10 @@ def finish(
     Raises
     ------
     MeshError
-        The arrays are not those of a mesh.
+        The arrays do not describe a mesh.
     OptionError
-        `sample` returned something else than finite values for each point. What `sample` and
-        `progress` raise passes through unchanged.
+        `sample` returned something other than finite values for each point. Exceptions of `sample`
+        and `progress` pass through unchanged.
     UnwrapError
         No face has an area.
 
@@ -210,7 +210,7 @@ def finish(
 def _without_bits(
     mesh: Mesh, least: float | None, n_faces: int | None
 ) -> tuple[Mesh, tuple[str, ...]]:
-    """Leave out the small parts of a mesh, and say so."""
+    """Leave out the small parts of a mesh; also return a note on them."""
     parts, _ = face_components(mesh.faces, mesh.n_vertices)
     areas = surface_areas(mesh.positions[mesh.faces] / mesh.diagonal)
     shares = np.bincount(parts, areas) / areas.sum()

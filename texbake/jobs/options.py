@@ -82,16 +82,16 @@ class RunOptions(CheckedOptions):
     preset: str | None = option(None, PRESET_HELP, choices=tuple(PROGRAMS), default="none")
     maps: tuple[str, ...] | None = option(
         None,
-        "More maps to bake, beside the normals, the heights and those of the materials.",
+        "More maps to bake, besides normal, displacement and material maps.",
         choices=tuple(name for name in MAP_NAMES if name not in (*_ALWAYS, *MATERIAL_MAPS)),
         metavar="NAME,...",
         default="none",
     )
     levels: tuple[int, ...] | None = option(
         None,
-        "Triangles of coarser levels of detail, the finest first. Each has the texture coordinates "
-        "of the low-poly mesh, and maps of its own: half as wide where it has a quarter of the "
-        "triangles.",
+        "Triangles of coarser levels of detail, the finest first. Each level has the texture "
+        "coordinates of the low-poly mesh and its own maps, which are half as wide at a quarter of "
+        "the triangles.",
         metavar="N,...",
         low=MIN_FACES,
         default="none",
@@ -153,7 +153,7 @@ class RunOptions(CheckedOptions):
 
     @property
     def target(self) -> Target:
-        """The program that reads the files; that of texbake's own names without a preset."""
+        """The program that reads the files; without a preset, texbake's own names and formats."""
         return OWN_FILES if self.preset is None else PROGRAMS[self.preset]
 
     @property

@@ -72,7 +72,7 @@ class Asset:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of the low-poly mesh, a sentence each."""
+        """What the user should know about the low-poly mesh, one sentence each."""
         return (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
 
 

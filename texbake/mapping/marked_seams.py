@@ -53,8 +53,8 @@ def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
         return np.empty((0, 2), np.int64)
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):
         raise OptionError(
-            f"seams: an array of {pairs.dtype} of shape {pairs.shape}; pass pairs of vertices, "
-            "(E, 2) int"
+            f"seams: the array has type {pairs.dtype} and shape {pairs.shape}; pass pairs of "
+            "vertices, (E, 2) int"
         )
     if pairs.min() < 0 or pairs.max() >= mesh.n_vertices:
         raise OptionError(
@@ -67,7 +67,7 @@ def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
 def read_seams(path: PathLike, mesh: Mesh) -> npt.NDArray[np.int64]:
     """Read seams of a mesh: the lines (`l`) of an OBJ file, whose points are vertices of the mesh.
 
-    Points of a line that share no edge are joined by the shortest way along edges of polygons.
+    Points of a line that share no edge are joined by the shortest path along edges of polygons.
     Returns (E, 2) int64: pairs of vertices.
     """
     points, lines = _read_lines(path)
@@ -135,8 +135,8 @@ def _vertices_at(path: PathLike, points: FloatArray, mesh: Mesh) -> npt.NDArray[
         if distances[nearest] > 2.0 / _CELLS:
             x, y, z = points[i]
             raise FileFormatError(
-                f"{path}: no vertex of {mesh.name} lies at its point ({x:g}, {y:g}, {z:g}); "
-                "take the points of seams from the mesh"
+                f"{path}: no vertex of {mesh.name} is at the point ({x:g}, {y:g}, {z:g}); "
+                "use vertices of the mesh as points"
             )
         firsts[i] = nearest
     return firsts.astype(np.int64)
@@ -164,7 +164,7 @@ class _EdgeGraph:
         self._rows = np.searchsorted(starts[order], np.arange(mesh.n_vertices + 1))
 
     def shortest_way(self, start: int, end: int) -> list[tuple[int, int]] | None:
-        """Edges of the shortest way between two vertices; None if there is none (Dijkstra 1959)."""
+        """Edges of the shortest path between two vertices, or None (Dijkstra 1959)."""
         before = {start: start}
         lengths = {start: 0.0}
         queue = [(0.0, start)]

@@ -56,7 +56,7 @@ def unwrap(
         None for `UnwrapOptions()`: an atlas in which no two faces overlap.
     seams : (E, 2) int, optional
         Pairs of vertices: charts of an atlas are cut along these edges, and elsewhere only if a
-        piece cannot be laid flat otherwise. None leaves the choice to texbake.
+        piece cannot be laid flat otherwise. With None, texbake chooses the seams.
     threads
         None for every processor; the result does not depend on it.
     progress
@@ -78,7 +78,7 @@ def unwrap(
         The method or an option needs existing coordinates, and there are none.
     OptionError
         An option has an invalid value, or names a group that does not exist; a pair of `seams` is
-        no edge of the mesh.
+        not an edge of the mesh.
     """
     mesh = as_mesh(mesh)
     options = replace(options or UnwrapOptions(), **changes)
@@ -182,7 +182,7 @@ def _unwrapped(
         ]
         mapped = _mapped_by_atlas(parts, options, cuts, stages, threads)
     elif any(edges is not None for edges in seams):
-        raise OptionError(f"seams: the method {options.method} has none; use atlas")
+        raise OptionError(f"seams: the method {options.method} has no seams; use atlas")
     elif len(meshes) > 1:
         raise OptionError(
             f"method: {options.method} maps one mesh at a time; for several meshes use atlas"

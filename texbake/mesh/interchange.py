@@ -54,7 +54,7 @@ def plain_array(value: Any, name: str) -> npt.NDArray[Any]:
     """
     device = getattr(value, "device", None)
     if getattr(device, "type", "cpu") != "cpu":
-        raise OptionError(f"{name}: it is a tensor on {device}; copy it first, with .cpu()")
+        raise OptionError(f"{name}: it is a tensor on {device}; copy it to the CPU with .cpu()")
     try:
         if hasattr(value, "detach"):  # otherwise torch refuses a tensor with a gradient
             value = value.detach()

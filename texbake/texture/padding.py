@@ -104,7 +104,7 @@ def fill(
     padding: int | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Fill the texels of an image that have no data from those that have.
+    """Fill the texels of an image that have no data from the texels that have data.
 
     Parameters
     ----------
@@ -113,8 +113,8 @@ def fill(
     mask : (H, W)
         Nonzero for texels with data, which keep their values.
     padding
-        None fills every texel, smoothly (push-pull). With a number, each texel up to so many texels
-        away takes the value of the nearest one with data (dilation), and others keep theirs.
+        None fills every texel, smoothly (push-pull). With a number, each texel within this distance
+        of data gets the value of the nearest texel with data (dilation); others keep theirs.
 
     Returns
     -------

@@ -35,7 +35,7 @@ FORMS = ("text", "json", "sarif", "junit")
 
 @dataclass(frozen=True)
 class CheckReports:
-    """What was found in meshes that were checked by themselves."""
+    """Findings of meshes that were checked one by one."""
 
     reports: tuple[CheckReport, ...]
 
@@ -62,7 +62,7 @@ class CheckReports:
     Extra("--explain", "Explain warnings and notes as well as errors.", is_flag=True),
     Extra(
         "--format form",
-        "Print this and nothing else: SARIF 2.1.0 for code scanning, JUnit's XML for CI.",
+        "Format of the report: SARIF 2.1.0 is for code scanning, JUnit XML for CI.",
         choices=FORMS,
         default=FORMS[0],
         show_default=True,

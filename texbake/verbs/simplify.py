@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 _CLOSED = "the result was made from a closed surface around the mesh, with few tunnels"
 _FACE = 125  # bytes of memory for each triangle of a mesh that is simplified in memory
 _WHOLE = (
-    "{mesh} was read whole, over `max_memory`: only binary PLY and STL files without texture "
-    "coordinates, simplified to a small share of their triangles and without `error`, can be read "
-    "in pieces"
+    "{mesh} was read whole, which exceeds `max_memory`: only binary PLY and STL files without "
+    "texture coordinates, simplified to a small share of their triangles and without `error`, can "
+    "be read in pieces"
 )
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"

@@ -94,7 +94,7 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     Options(UnwrapOptions, *_NAMES[:_SEAMS]),
     Reads(
         "seams", "seams",
-        "Cut charts along the lines of this OBJ file, and nowhere else; their points are vertices.",
+        "Cut charts along the lines of this OBJ file, whose points are vertices, and nowhere else.",
         required=False, role=None, suffixes=(".obj",), metavar="FILE",
     ),
     Options(UnwrapOptions, *_NAMES[_SEAMS + 1 : _MATRIX]),

@@ -88,7 +88,7 @@ def run_files(
 
 @dataclass(frozen=True, kw_only=True)
 class RunStep(RunOptions):
-    """How a finished asset is made of a high-poly mesh."""
+    """How a finished asset is made from a high-poly mesh."""
 
     faces: Annotated[int | None, option_of(RunOptions, "n_faces")] = None
 
@@ -139,7 +139,7 @@ def _run_memory(settings: Settings, sizes: Sizes) -> int:
 
 RUN = step_of(
     run_files,
-    does="makes a low-poly mesh with maps, levels of detail and pictures of a high-poly mesh",
+    does="makes a low-poly mesh with maps, levels of detail and pictures from a high-poly mesh",
     options=RunStep,
     # What a time budget allows depends on the machine; the same inputs must give the same bytes.
     without=("threads", "n_faces", "time_budget", "base_color"),

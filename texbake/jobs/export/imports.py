@@ -1,4 +1,4 @@
-"""Files that import an asset: a script for Unreal or Unity, presets for Godot, a MaterialX file.
+"""Files that import an asset: scripts for Unreal and Unity, settings for Godot, a MaterialX file.
 
 Based on: Unreal Engine 5's Python API; Unity 2022's AssetPostprocessor; the `.import` files of
 Godot 4, which reads their `params` when it first imports the file beside them.

@@ -112,7 +112,7 @@ _STEPS: dict[str, dict[str, str]] = {
     },
     "unreal": {
         "imports": "{file} imports the mesh and the textures and makes a material: Tools > Execute "
-        "Python Script, with the plugin Python Editor Script Plugin. By hand:",
+        "Python Script, with the plugin Python Editor Script Plugin. To do it by hand:",
         "mesh": "Import {file} (glTF), Recompute Normals and Recompute Tangents off; or "
         "recompute tangents with Use MikkTSpace on. Build Settings: Use Full Precision UVs and Use "
         "High Precision Tangent Basis on.",
@@ -133,8 +133,9 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Turn on Virtual Texture Support, and import the tile 1001; the others follow.",
     },
     "unity": {
-        "imports": "{file}, in its folder Editor, sets the types of textures and the model when "
-        "all files are put under Assets, and makes a material: Assets > texbake. By hand:",
+        "imports": "{file}, in its folder Editor, chooses the import settings of the textures and "
+        "the model when you put all files under Assets, and makes a material: Assets > texbake. To "
+        "do it by hand:",
         "mesh": "Put {file} under Assets. Model: Scale Factor 1. Normals: "
         "Import; Tangents: Calculate Mikktspace. Materials: None; make one from the maps below.",
         "usd": "Import {file} with the package com.unity.importer.usd, or export again as obj.",
@@ -154,7 +155,7 @@ _STEPS: dict[str, dict[str, str]] = {
     },
     "godot": {
         "imports": "The .import files, such as {file}, set the compression of the textures when "
-        "Godot first imports them. By hand:",
+        "Godot first imports them. To do it by hand:",
         "mesh": "Put {file} into the project. Tangents are those of the file.",
         "usd": "Godot does not read USD; export again as glb.",
         "obj": "Put {file} into the project. It has no material; make one from the maps below.",
@@ -182,10 +183,10 @@ _STEPS: dict[str, dict[str, str]] = {
         "base-color": "{file}: {held}flipY = {flip}, SRGBColorSpace; map.",
         "emissive": "{file}: {held}flipY = {flip}, SRGBColorSpace; emissiveMap, emissive white.",
         "opacity": "{file}: flipY = {flip}, NoColorSpace; material.alphaMap, alphaTest 0.5.",
-        "tiles": "three.js has no UDIM tiles: one material a tile.",
+        "tiles": "three.js has no UDIM tiles: use one material per tile.",
     },
     "gltf-web": {
-        "mesh": "Show {file} with any viewer of glTF 2.0.",
+        "mesh": "Open {file} in any viewer of glTF 2.0.",
         "usd": "{file}: viewers of glTF do not read USD; export again as glb.",
         "obj": "{file}: viewers of glTF do not read OBJ; export again as glb.",
         "normal": "{file}: {held}normalTexture, scale 1.",
@@ -195,7 +196,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "displacement": "{file}: glTF has no displacement; the normal map shows the detail. White "
         "is {m:.6g} m above black; level {mid:.6g} is the surface ({cm:.6g} cm from black to "
         "white).",
-        "tiles": "glTF has no UDIM tiles: one material a tile.",
+        "tiles": "glTF has no UDIM tiles: use one material per tile.",
     },
 }
 _MESHOPT = "It is compressed: loader.setMeshoptDecoder(MeshoptDecoder) before it is loaded."

@@ -70,7 +70,7 @@ class AtlasOptions(TextureOptions):
     )
     keep_seams: bool = option(
         False,
-        "Cut charts along the seams of the coordinates that the mesh has, and nowhere else; "
+        "Cut charts along the existing seams of the texture coordinates and nowhere else, then "
         "flatten and pack them again.",
     )
     seams_at_hard_edges: bool = option(
@@ -216,7 +216,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
         for name in ("max_stretch", *cuts) if self.keep else ():
             self._require_default(name, "charts that are kept are not cut; leave it out, or `keep`")
         if self.keep_seams and self.charts == "xatlas":
-            raise OptionError("keep_seams: xatlas cuts charts where it likes; use charts texbake")
+            raise OptionError("keep_seams: xatlas does not follow given seams; use charts texbake")
 
     def _require_default(self, name: str, why: str) -> None:
         if getattr(self, name) != getattr(UnwrapOptions, name):
