@@ -125,7 +125,7 @@ _PACKAGES = {"PIL": "pillow", "collada": "pycollada"}  # where the name of a mod
 
 
 def require_library(module: str, what: object, package: str = "") -> Any:
-    """Import a library for what needs it, such as a file; raise `DependencyError` without it.
+    """Import a library for a feature or a file; raise `DependencyError` if it is missing.
 
     `package`: what pip installs, if it is not the module's name in small letters.
     """

@@ -43,7 +43,7 @@ class MaterialPoints:
     _sampled: dict[SurfaceSampler, Mapping[str, Float32Array]] = field(default_factory=dict)
 
     def sampled(self, sampler: SurfaceSampler, inputs: BakeInputs) -> Mapping[str, Float32Array]:
-        """Return the values that a sampler computes at the points; those of all channels once."""
+        """Return the values of a sampler at the points, which it computes once for all channels."""
         if sampler not in self._sampled:
             surface, mesh = inputs.high_surface, inputs.high
             weights: FloatArray = self.barycentrics.astype(np.float64)

@@ -246,7 +246,7 @@ class BakeInputs:
 
     @property
     def has_samplers(self) -> bool:
-        """Whether functions of the user compute channels, which are called from one thread."""
+        """Whether functions of the user, which are called from one thread, compute channels."""
         found = () if self.materials is None else self.materials.materials
         return any(source.sampler for material in found for source in material.channels.values())
 

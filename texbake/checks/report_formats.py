@@ -1,4 +1,4 @@
-"""The findings of checks for programs that show them: SARIF for code scanning, JUnit for CI.
+"""Reports of checks for other programs: SARIF for code scanning, JUnit XML for CI.
 
 Based on: OASIS, Static Analysis Results Interchange Format (SARIF) Version 2.1.0; JUnit's XML as
 Jenkins and GitLab read it.

@@ -42,7 +42,7 @@ from texbake.records import dataclass
 __version__ = "0.0.11"
 
 _UNSIZED = 1024  # texels of a side where neither a resolution nor a density is given
-_ROOM = 1.1  # by which a texture grows until charts of a density fit
+_ROOM = 1.1  # factor by which a texture grows until the charts fit at a given density
 _MOST_ATLASES = 100
 _HARD = 1000.0  # `normal_seam_weight` above this cuts charts at all hard edges
 
@@ -155,12 +155,12 @@ class Atlas:
 
     @property
     def width(self) -> int:
-        """Texels of a row of each texture."""
+        """Width of each texture in texels."""
         return self._size[0]
 
     @property
     def height(self) -> int:
-        """Rows of each texture."""
+        """Height of each texture in texels."""
         return self._size[1]
 
     @property
@@ -344,7 +344,7 @@ def _index(value: Any) -> int:
 def _at_density(
     meshes: list[Mesh], options: UnwrapOptions, pack: PackOptions
 ) -> tuple[list[Mesh], UnwrapOptions]:
-    """Pack the charts of meshes again, with so many texels per unit; also return the options."""
+    """Pack the charts of meshes again with given texels per unit; also return the options."""
     options = replace(options, texel_density=pack.texels_per_unit, tiles=_MOST_ATLASES)
     if not pack.resolution:
         packed, size = _placed(meshes, options, crop=False)

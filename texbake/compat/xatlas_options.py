@@ -21,7 +21,7 @@ class AddMeshError(TexbakeError, RuntimeError):
 
 
 class ArrayError(TexbakeError, ValueError):
-    """An array has another shape than it must have."""
+    """An array has the wrong shape."""
 
 
 class NoImageError(TexbakeError, RuntimeError):

@@ -19,7 +19,7 @@ static const double MOST_OVERLAP = 0.01;
 /* The least gain that ends the flattening, as in flatten.py. */
 static const double ACCURACY = 1e-3;
 
-/* A part between marked seams is not divided for its stretch, and is laid out with more patience. */
+/* A part between marked seams is not divided because of stretch, and is flattened in more steps. */
 enum { MARKED_EFFORT = 300 };
 static const double MARKED_ACCURACY = 1e-4;
 

@@ -43,10 +43,10 @@ Sample = Callable[[FloatArray, FloatArray], Any]
 FINISH_OPTIONS = RunOptions(n_faces=10_000, compare="off")
 _BATCH = 1 << 18  # most points of a call
 _PROBES = 16  # points with which the function is tried before the work begins
-# Names under which functions may return channels, beside those of `CHANNELS`.
+# Names under which functions may return channels, besides those of `CHANNELS`.
 _SYNONYMS = {"color": "base-color", "opacity": "alpha"}
 _OF_WIDTHS = {1: ("base-color",), 3: ("base-color",), 4: ("base-color", "alpha")}
-# Values farther than this from [0, 1] are of another unit; closer ones are clipped.
+# Values farther than this from [0, 1] must have another unit; closer values are clipped.
 _FARTHEST = 1.0
 _LEVELS = 65535
 _MOST_LEFT_OUT = 0.01  # of the area, where the user does not ask for more
@@ -131,7 +131,7 @@ def finish(
         lie in [0, 1], or are uint8. The function is called from the thread of the caller, first
         with a few points and then with up to 262,144 of them, in an order that never changes.
     linear : bool
-        Whether the colors of `sample` are linear light. By default they are sRGB, as in images.
+        Whether the colors of `sample` are linear. By default they are sRGB, as in images.
     least_part : float, optional
         Parts with a smaller share of the surface area are left out, unless they are half as large
         as the largest. By default, parts smaller than a triangle of the result are left out, if

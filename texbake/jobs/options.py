@@ -218,7 +218,7 @@ class RunOptions(CheckedOptions):
 
     def _names_of(self, asset: str, images: Sequence[str]) -> dict[str, str]:
         target, has_preset = self.target, self.preset is not None
-        # The mesh comes first: a pipeline means it by the name of the step.
+        # The mesh comes first: in a pipeline, the name of the step alone means its first output.
         main = "mesh" if target.mesh_format == "obj" else "glb"
         names = {main: f"{target.mesh_stem(asset)}.{target.mesh_format}"}
         for key in self.own_maps:

@@ -1,4 +1,4 @@
-"""The files of `run`: their names, by the program that reads them, and how they are written."""
+"""The files of `run`: their names for the program that reads them, and how they are written."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def _write_materials(
     channels = encoded_channels(baked.maps, materials, asset, threads=threads)
     for name in image_names(channels):
         image = image_of(name, channels)
-        if image is None:  # one value all over, which is a factor
+        if image is None:  # one value everywhere, which becomes a factor
             files.pop(name, None)
             continue
         if name == "orm" and options.target.packing == "mask-map":
@@ -146,7 +146,7 @@ def _export_options(options: RunOptions) -> ExportOptions:
 def _write_settings(
     files: dict[str, Path], written: Mapping[str, WrittenMap], options: RunOptions
 ) -> None:
-    """Write what to set in the program of the preset, and what imports the asset."""
+    """Write the settings for the program of the preset, and the files that import the asset."""
     maps = []
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}

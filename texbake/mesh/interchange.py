@@ -47,7 +47,7 @@ def as_mesh(value: MeshLike) -> Mesh:
 
 
 def plain_array(value: Any, name: str) -> npt.NDArray[Any]:
-    """Return numbers of NumPy, torch or any like library as an array, shared where possible.
+    """Return numbers of NumPy, torch or a similar library as an array, without a copy if possible.
 
     >>> plain_array([1.0, 2.0], "values").tolist()
     [1.0, 2.0]
@@ -103,7 +103,7 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene, *, name: str | None = No
     >>> from_trimesh(trimesh.creation.box()).n_faces
     12
     """
-    # Whoever has a mesh of trimesh has imported it.
+    # A caller with a mesh of trimesh has imported trimesh.
     trimesh: Any = sys.modules.get("trimesh")
     if trimesh and isinstance(mesh, trimesh.Scene):
         return _joined_scene(mesh, name)

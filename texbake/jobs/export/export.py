@@ -49,7 +49,7 @@ class ExportResult:
     textures: tuple[Path, ...]  # images that the mesh file refers to instead of containing them
     maps: tuple[ExportedMap, ...]
     settings: Path  # the text that says what to set in the program
-    imports: tuple[Path, ...] = ()  # scripts and presets that import the asset, and its MaterialX
+    imports: tuple[Path, ...] = ()  # scripts and settings that import the asset; its MaterialX file
     layers: Path | None = None  # the EXR file of all maps, if `ExportOptions.layers` is set
     # what was assumed or could not be done, a sentence each
     warnings: tuple[str, ...] = ()

@@ -70,7 +70,7 @@ def write_imports(
 
 
 def _identifier(name: str) -> str:
-    """Return a name that programs take as one: ASCII letters, digits and underscores."""
+    """Return a valid identifier: ASCII letters, digits and underscores."""
     word = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return word if word[:1].isalpha() else f"A{word}"
 
@@ -98,7 +98,7 @@ def _unity_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> s
     known = [(written, _UNITY[written.kind]) for written in maps if written.kind in _UNITY]
 
     def listed(names: Sequence[str]) -> str:
-        return ", ".join(json.dumps(name) for name in names)  # its escapes are C#'s, too
+        return ", ".join(json.dumps(name) for name in names)  # C# has the same escapes
 
     return _template("unity.cs.txt").substitute(
         asset=_in_comment(asset), identifier=_identifier(asset), mesh=json.dumps(mesh_file.name),
@@ -112,7 +112,7 @@ def _unity_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> s
 
 
 def _godot_preset(written: ExportedMap) -> str:
-    """Return a preset: normal maps in two channels, heights uncompressed, mip levels for all."""
+    """Return import settings: two channels for normals, no compression for heights, mip maps."""
     is_heights = written.kind == "displacement"
     values = {
         "compress/mode": 0 if is_heights else 2,

@@ -9,15 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-# Type, what is meant ("node", "value" or "file"), and that.
+# Type, kind of the input ("node", "value" or "file"), and the input.
 Input = tuple[str, str, str]
-# By kinds of maps: the input of the surface that an image is.
+# By kinds of maps: the input of the surface that an image feeds.
 _WHOLE = {
     "base-color": ("base_color", "color3"), "emissive": ("emission_color", "color3"),
     "roughness": ("specular_roughness", "float"), "metalness": ("base_metalness", "float"),
     "opacity": ("geometry_opacity", "float"),
 }  # fmt: skip
-# ... and the inputs that channels of an image are.
+# ... and the inputs that the channels of an image feed.
 _PACKED = {
     "orm": ("vector3", {"specular_roughness": 1, "base_metalness": 2}),
     "mask-map": ("vector4", {"base_metalness": 0, "smoothness": 3}),
@@ -50,9 +50,9 @@ class _Graph:
 def openpbr_nodes(
     maps: Mapping[str, str], *, convention: str = "opengl", mid: float = 0.0, scale: float = 1.0
 ) -> list[Node]:
-    """Return the nodes of a material that reads files of maps, each after those that it reads.
+    """Return the nodes of a material that reads map files, each node after those that it reads.
 
-    `mid` and `scale` are those of the heights. The last node is the material.
+    `mid` and `scale` describe the heights. The last node is the material.
     """
     graph, surface = _Graph(maps), dict[str, Input]()
     for kind, (place, type_) in _WHOLE.items():
@@ -94,7 +94,7 @@ def openpbr_nodes(
 
 
 def materialx_document(nodes: list[Node], name: str) -> str:
-    """Return a MaterialX document, whose nodes begin with the name of the asset."""
+    """Return a MaterialX document; the names of its nodes begin with the name of the asset."""
     document = ElementTree.Element("materialx", version="1.39", colorspace="lin_rec709")
     for node in nodes:
         written = ElementTree.SubElement(

@@ -62,7 +62,7 @@ def write_usd(
 ) -> None:
     """Write a mesh as .usd, .usda, .usdc or .usdz.
 
-    With `materialx` the material is an OpenPBR surface as well, for renderers that read that.
+    With `materialx`, the material is also an OpenPBR surface, for renderers that read MaterialX.
     """
     require_usd(path)
     sources = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}

@@ -63,7 +63,7 @@ _QUALITIES = {
     "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06, most_share=0.25),
 }
 
-# Whoever marks seams wants no others, except where a chart cannot be flattened without them.
+# Marked seams allow no others, except where a chart cannot be flattened without them.
 _AS_MARKED = _Quality(
     part_faces=1 << 30, whole_faces=1 << 30, most_l2=math.inf, most_share=math.inf
 )

@@ -1,6 +1,6 @@
-"""Charts between marked seams: each piece flattened whole, and cut further only where it must be.
+"""Charts between marked seams: each piece is flattened whole, and cut further only if necessary.
 
-A piece keeps the layout that the mesh has if that is good enough to be relaxed: a person made it.
+A piece keeps its existing layout, which a person made, if the layout is good enough to be relaxed.
 """
 
 from __future__ import annotations
