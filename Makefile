@@ -17,7 +17,7 @@ wheels:
 	done
 	rm -rf build
 
-# The extension for Blender, one zip file a platform, into dist/blender/.
+# The extension for Blender, one zip file per platform, into dist/blender/.
 extension: wheels
 	$(PYTHON) integrations/blender/build.py dist/*.whl -o dist/blender
 

@@ -1,4 +1,4 @@
-"""Dataclasses whose methods are written late behave as those of the standard library."""
+"""Dataclasses that get their methods at first use behave like those of the standard library."""
 
 import copy
 import dataclasses

@@ -1,4 +1,4 @@
-"""Meshes as generators of 3D models make them, finished by texbake and by pymeshlab with xatlas.
+"""Meshes like those of 3D generators, finished by texbake and by pymeshlab with xatlas.
 
 python tests/benchmarks/bench_generated.py run --count 200
 """
@@ -82,7 +82,7 @@ def wanted(seed):
 
 
 def subdivided(vertices, faces):
-    """Four faces in the place of each, with waves that the coarse ones cannot hold."""
+    """Four faces in place of each, with waves that the coarse faces cannot hold."""
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     ends, middles = np.unique(edges, axis=0, return_inverse=True)
     middles = middles.reshape(-1, 3) + len(vertices)
@@ -125,7 +125,7 @@ def made(path, seed):
 
 
 def has_border(vertices, faces):
-    """Whether an edge has one face only, once vertices at one place are one."""
+    """Whether an edge has only one face, once vertices at the same place are merged."""
     _, ids = np.unique(np.asarray(vertices, np.float32), axis=0, return_inverse=True)
     faces = ids.reshape(-1)[faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]

@@ -1,4 +1,4 @@
-"""Profiles: what a program expects of an asset, and reports for programs that show findings."""
+"""Profiles, which check the limits of a program, and reports for programs that show findings."""
 
 import json
 import os
@@ -147,7 +147,7 @@ def test_options_that_are_given_win_over_a_profile():
 
 @pytest.fixture
 def reports(textured, tmp_path):
-    """Findings of all severities, an allowed one, and a file that is no mesh."""
+    """Findings of all severities, an allowed one, and a file that is not a mesh."""
     (tmp_path / "not a.obj").write_text("f 1 2 x\n")
     options = CheckOptions(profile="gltf-web", allow=("large-images",))
     paths = (textured(2049), tmp_path / "not a.obj")

@@ -1,4 +1,4 @@
-"""The Python of the pages about generated meshes runs, with stand-ins for the generators."""
+"""The Python code of the pages about generated meshes runs, with stand-ins for generators."""
 
 import re
 import sys

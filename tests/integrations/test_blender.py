@@ -1,4 +1,4 @@
-"""The extension of Blender: built, installed in a Blender of its own, and used on made scenes.
+"""The extension for Blender: built, installed in a Blender of its own, and used on made scenes.
 
 Skipped where TEXBAKE_BLENDER_PYTHON names no Python with bpy.
 """

@@ -18,7 +18,7 @@ SMALL = {"n_faces": 300, "size": 64}
 
 
 class Tensor:
-    """A tensor as torch has it: on a device, with a gradient, or of a type that NumPy lacks."""
+    """A tensor like those of torch: on a device, with a gradient, or of a type that NumPy lacks."""
 
     class Device:
         def __init__(self, kind):
