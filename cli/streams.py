@@ -29,25 +29,28 @@ _BEGINNINGS = {
     b"glTF": ".glb", b"ply": ".ply", b"OFF": ".off", b"solid": ".stl", b"Kaydara": ".fbx",
     b"PXR-USDC": ".usdc", b"#usda": ".usda",
 }  # fmt: skip
+_FORMATS = "from_format", "to_format"
 _STL_HEAD, _STL_FACE = 84, 50
 
 
 @contextmanager
 def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield values in which files stand for `-`; write the output once the block has ended."""
-    chosen = {**values, "from_format": None, "to_format": None}
-    reads = [part for part in verb.of_kind(Reads) if values.get(part.name) == _STREAM]
-    writes = [part for part in verb.of_kind(Writes) if values.get(part.name) == _STREAM]
-    if not (reads or writes) or any(part.kind != "mesh" for part in (*reads, *writes)):
+    reads, writes = (
+        [part for part in verb.of_kind(kind) if _STREAM in paths_of(values.get(part.name))]
+        for kind in (Reads, Writes)
+    )
+    if not (reads or writes):
         _check_used(values, "from_format", "to_format")
         yield dict(values)
         return
-    if len(reads) > 1:
-        raise OptionError("two meshes cannot both come from standard input; name a file for one")
+    _check_streams(values, reads, writes)
+    chosen = {**values} | {name: None for name in _FORMATS if name in values}
     with scratch_folder() as folder:
         click.get_current_context().meta[STREAMS] = f"{folder}/"
         if reads:
-            chosen[reads[0].name] = _received(folder, values.get("from_format"))
+            path = _received(folder, values.get("from_format"))
+            chosen[reads[0].name] = (path,) if reads[0].many else path
         if not writes:
             _check_used(values, "to_format")
             yield chosen
@@ -66,6 +69,18 @@ def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str
             raise
         except OSError as error:
             raise FileError(f"standard output: cannot be written: {error.strerror}") from error
+
+
+def _check_streams(values: Mapping[str, Any], reads: list[Reads], writes: list[Writes]) -> None:
+    """Raise `OptionError` unless the one mesh of a command, or its output, is a stream."""
+    if len(reads) > 1:
+        raise OptionError("two meshes cannot both come from standard input; name a file for one")
+    for part in (*reads, *writes):
+        format_name = "from_format" if isinstance(part, Reads) else "to_format"
+        if part.kind != "mesh" or format_name not in values:
+            raise OptionError(f"{part.name}: - is not possible here; name a file")
+        if len(paths_of(values[part.name])) > 1:
+            raise OptionError(f"{part.name}: - is not possible beside other files")
 
 
 def _check_used(values: Mapping[str, Any], *names: str) -> None:
@@ -114,7 +129,7 @@ def _suffix_of_output(values: Mapping[str, Any], chosen: Mapping[str, Any], verb
 
 def format_options(verb: Verb) -> list[click.Option]:
     """Return the options of a command that takes a mesh and writes one, or only prints."""
-    reads = [part for part in verb.of_kind(Reads) if part.name == "mesh"]
+    reads = [part for part in verb.of_kind(Reads) if part.name in ("mesh", "meshes")]
     outputs = [part.kind for part in verb.of_kind(Writes) if part.name == "output"]
     if not reads or outputs not in ([], ["mesh"]):
         return []

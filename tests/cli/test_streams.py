@@ -51,6 +51,10 @@ def test_the_output_has_the_format_of_the_input(pipe, tmp_path):
     assert pipe("convert - -", "ball.ply").stdout_bytes == (tmp_path / "ball.ply").read_bytes()
     low = pipe("simplify ball.ply -o - --faces 40 -q").stdout_bytes
     assert low.startswith(b"ply") and b"wrote" not in low
+    pipe("unwrap ball.obj -o named.obj --quality fast")
+    flat = pipe("unwrap - -o - --quality fast", "ball.obj").stdout
+    vertices = (tmp_path / "named.obj").read_text().partition("\nv ")[2]
+    assert flat.partition("\nv ")[2] == vertices != ""
     pipe("transform - -o moved.obj --scale 2", "ball.obj")
     assert (tmp_path / "moved.obj").exists()
 
@@ -77,6 +81,11 @@ def test_no_message_shows_the_folder_behind_a_stream(pipe):
             "--from: this is only for -; the suffix of a file",
         ),
         ("compare - -", "ball.ply", 2, "two meshes cannot both come from standard input"),
+        ("bake - ball.obj -o d", "ball.ply", 2, "HIGH: - is not possible here; name a file"),
+        ("make sphere -o -", None, 2, "--output: - is not possible here"),
+        ("bake ball.ply ball.obj -o -", None, 2, "--output: - is not possible here"),
+        ("unwrap ball.obj - -o d", "ball.obj", 2, "- is not possible beside other files"),
+        ("unwrap ball.obj -o u.obj --seams -", "ball.obj", 2, "--seams: - is not possible here"),
         ("convert - -o - --to fbx", "ball.ply", 2, "'fbx' is not one of"),
     ],
 )
