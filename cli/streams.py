@@ -80,7 +80,7 @@ def _check_streams(values: Mapping[str, Any], reads: list[Reads], writes: list[W
         if part.kind != "mesh" or format_name not in values:
             raise OptionError(f"{part.name}: - is not possible here; name a file")
         if len(paths_of(values[part.name])) > 1:
-            raise OptionError(f"{part.name}: - is not possible beside other files")
+            raise OptionError(f"{part.name}: - is not possible together with other files")
 
 
 def _check_used(values: Mapping[str, Any], *names: str) -> None:

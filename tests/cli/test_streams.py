@@ -84,7 +84,7 @@ def test_no_message_shows_the_folder_behind_a_stream(pipe):
         ("bake - ball.obj -o d", "ball.ply", 2, "HIGH: - is not possible here; name a file"),
         ("make sphere -o -", None, 2, "--output: - is not possible here"),
         ("bake ball.ply ball.obj -o -", None, 2, "--output: - is not possible here"),
-        ("unwrap ball.obj - -o d", "ball.obj", 2, "- is not possible beside other files"),
+        ("unwrap ball.obj - -o d", "ball.obj", 2, "- is not possible together with other files"),
         ("unwrap ball.obj -o u.obj --seams -", "ball.obj", 2, "--seams: - is not possible here"),
         ("convert - -o - --to fbx", "ball.ply", 2, "'fbx' is not one of"),
     ],
