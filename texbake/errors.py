@@ -76,8 +76,12 @@ def require_known(name: str, value: object, known: Iterable[str]) -> None:
 
 
 def require_least(name: str, value: float, least: int = 1) -> None:
-    """Raise `OptionError` below the least value of an option, and for NaN."""
-    if not value >= least:
+    """Raise `OptionError` below the least value of an option, for NaN and for other objects."""
+    try:
+        is_enough = value >= least
+    except TypeError:
+        raise OptionError(f"{name}: {quoted(value)} is not a number") from None
+    if not is_enough:
         raise OptionError(f"{name}: {value} is too small; it must be at least {least}")
 
 

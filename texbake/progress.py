@@ -99,7 +99,8 @@ class _Caller:
 
     def advanced(self, stage: str, done: int) -> None:
         total = self._totals[stage]
-        if self._function(stage, min(done / total, 1.0) if total else None) is False:
+        answer = self._function(stage, min(done / total, 1.0) if total else None)
+        if answer is not None and not answer:  # `np.False_` is not `False`
             raise CancelledError(f"cancelled while {stage} was running")
 
     def finished(self, stage: str, seconds: float) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import texbake
-from texbake import TexbakeError, finish
+from texbake import RunOptions, TexbakeError, finish
 from texbake.core import core
 from texbake.errors import CancelledError, MeshError, OptionError
 from texbake.mesh.shapes import icosphere
@@ -293,7 +293,7 @@ def test_progress_names_stages_and_shares(ball):
 def test_false_cancels(stage, ball, tmp_path):
     before = threading.active_count()
     with pytest.raises(CancelledError, match=f"cancelled while {stage} was running"):
-        finish(*ball, progress=lambda name, share: name != stage,
+        finish(*ball, progress=lambda name, share: np.bool_(name != stage),
                output=tmp_path / "out.glb", **SMALL)  # fmt: skip
     assert threading.active_count() == before
     assert list(tmp_path.iterdir()) == []
@@ -311,6 +311,15 @@ def test_further_maps_are_baked_and_levels_are_not(ball):
     assert "curvature" in finish(*ball, maps=("curvature",), **SMALL).maps
     with pytest.raises(OptionError, match="levels: a finished model is one mesh"):
         finish(*ball, levels=(100,), **SMALL)
+    with pytest.raises(OptionError, match="compare: finish compares nothing"):
+        finish(*ball, compare="full", **SMALL)
+
+
+def test_a_preset_chooses_options_that_are_not_given(ball):
+    done = finish(*ball, n_faces=300, size=64, preset="unreal")
+    assert done.maps["normal"].options.convention == "directx"
+    with pytest.raises(OptionError, match="preset: it chooses other options too"):
+        finish(*ball, options=RunOptions(), preset="unreal")
 
 
 @pytest.mark.parametrize(
@@ -350,9 +359,17 @@ def test_a_model_of_any_size_and_place(scale, offset, ball):
     assert np.abs(colors.values[..., 0] - expected)[points.mask & colors.has_data].max() < 0.06
 
 
-def test_a_negative_least_part_is_an_error(ball):
-    with pytest.raises(OptionError, match="least_part: -1 is too small"):
-        finish(*ball, least_part=-1)
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"least_part": -1}, "least_part: -1 is too small"),
+        ({"least_part": "x"}, "least_part: 'x' is not a number"),
+        ({"sample": 3}, "sample: 3 is not a function"),
+    ],
+)
+def test_wrong_arguments_are_one_clear_error(options, message, ball):
+    with pytest.raises(OptionError, match=message):
+        finish(*ball, **options)
 
 
 def n_borders(mesh):

@@ -368,6 +368,8 @@ def test_levels_share_the_layout_and_have_smaller_maps(high: Mesh, tmp_path: Pat
     assert len(json.loads(made.files["report"].read_text())["levels"]) == 2
     with pytest.raises(OptionError, match="levels: each must have fewer triangles"):
         replace(options, levels=(90, 90))
+    with pytest.raises(OptionError, match=r"levels: 2,000 triangles are not fewer than the"):
+        run(high, tmp_path, replace(options, n_faces=None, error="3%", levels=(2000, 30)))
 
 
 def test_an_orm_image_becomes_a_mask_map(tmp_path: Path) -> None:

@@ -279,7 +279,11 @@ KINDS = {
 
 @dataclass(frozen=True, kw_only=True)
 class CheckOptions(TextureOptions):
-    """The bake that a check is made for."""
+    """The bake that a check is made for.
+
+    A profile sets `size` and `padding` when the object is made; to change the profile in a copy,
+    make these fields None: ``replace(options, profile="unreal", size=None, padding=None)``.
+    """
 
     profile: str | None = option(
         None,

@@ -40,7 +40,7 @@ from texbake.texture.encoding import decode_srgb
 
 Sample = Callable[[FloatArray, FloatArray], Any]
 
-FINISH_OPTIONS = RunOptions(n_faces=10_000, compare="off")
+_N_FACES = 10_000  # of the result, by default
 _BATCH = 1 << 18  # most points of a call
 _PROBES = 16  # points with which the function is tried before the work begins
 # Names under which functions may return channels, besides those of `CHANNELS`.
@@ -173,11 +173,20 @@ def finish(
     """
     if output is not None:
         _check_output(output)
-    chosen = replace(options or FINISH_OPTIONS, **changes)
-    if least_part is not None:
-        require_least("least_part", least_part, 0)
+    if options is None:
+        chosen = RunOptions(**{"n_faces": _N_FACES, **changes})
+    elif "preset" in changes:
+        raise OptionError("preset: it chooses other options too; give it to RunOptions")
+    else:
+        chosen = replace(options, **changes)
     if chosen.levels:
         raise OptionError("levels: a finished model is one mesh; use run for levels of detail")
+    if changes.get("compare", "off") != "off":
+        raise OptionError("compare: finish compares nothing; use run")
+    if sample is not None and not callable(sample):
+        raise OptionError(f"sample: {quoted(sample)} is not a function of points and normals")
+    if least_part is not None:
+        require_least("least_part", least_part, 0)
     raw = Mesh(
         positions=plain_array(vertices, "vertices"), faces=plain_array(faces, "faces"), name=name
     )

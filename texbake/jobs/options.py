@@ -68,7 +68,9 @@ class RunOptions(CheckedOptions):
     """How `run` goes from a high-poly mesh to a finished asset.
 
     The normal map inside the GLB file is always OpenGL's, because glTF demands it. The base color
-    is sRGB-coded.
+    is sRGB-coded. A preset sets `size`, `padding`, `bits` and `convention` when the object is
+    made; to change the preset in a copy, make these fields None: ``replace(options,
+    preset="unreal", size=None, padding=None, bits=None, convention=None)``.
     """
 
     n_faces: Annotated[int | None, option_of(SimplifyOptions, "n_faces")] = DEFAULT_FACES

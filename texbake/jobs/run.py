@@ -17,16 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.result import BakeResult, check_texels
-from texbake.files import (
-    PathLike,
-    appearing_together,
-)
+from texbake.errors import OptionError
+from texbake.files import PathLike, appearing_together
 from texbake.jobs.comparison import comparison_warnings
 from texbake.jobs.fit import with_diagnosis
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker
-from texbake.jobs.material_transfer import (
-    transferred_channels,
-)
+from texbake.jobs.material_transfer import transferred_channels
 from texbake.jobs.options import PICTURES, RunOptions, with_levels
 from texbake.jobs.outputs import write_report
 from texbake.jobs.run_files import coded_map, files_of_levels, mesh_name, write_asset
@@ -241,6 +237,11 @@ def make_asset(
             quality=options.quality, seams="drop", threads=threads, progress=progress,
         )  # fmt: skip
         low_poly = maker.make(options.remesh, must_reach=must_reach)
+    if options.levels and options.levels[0] >= low_poly.mesh.n_faces:
+        raise OptionError(
+            f"levels: {options.levels[0]:,} triangles are not fewer than the "
+            f"{low_poly.mesh.n_faces:,} of the low-poly mesh; request fewer"
+        )
     low = rule.before_unwrap(low_poly.mesh.replace(name=low_name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
