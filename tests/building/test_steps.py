@@ -116,6 +116,39 @@ def test_a_run_is_that_of_the_command(do, tmp_path):
         do("run", {}, high=tmp_path / "high.ply")
 
 
+@pytest.fixture(scope="module")
+def red(tmp_path_factory):
+    """A red, half transparent ball, whose metalness is an image and whose roughness is a value."""
+    path = tmp_path_factory.mktemp("red") / "red.obj"
+    write_mesh(uv_sphere(16, 32), path)
+    metal = np.zeros((32, 32, 1))
+    metal[:16] = 1.0
+    write_image(metal, path.with_name("metal.png"), color=False)
+    text = "newmtl a\nKd 1 0 0\nd 0.5\nPr 0.2\nmap_Pm metal.png\n"
+    path.with_name("red.mtl").write_text(text)
+    lines = path.read_text()
+    path.write_text("mtllib red.mtl\nusemtl a\n" + lines)
+    return path
+
+
+@pytest.mark.parametrize("preset", ["unreal", "unity"])
+def test_a_run_publishes_the_materials_of_a_mesh(do, red, preset):
+    given = {"faces": 100, "size": 32, "preset": preset, "compare": "off"}
+    with pytest.raises(OptionError, match="images: ") as caught:
+        do("run", given, high=red)
+    assert "['base_color', 'orm']" in str(caught.value)
+    files, _ = do("run", given | {"images": ("base_color", "orm")}, high=red)
+    color = read_image(files["base_color"], color=True).pixels
+    assert np.allclose(color, (1.0, 0.0, 0.0, 0.5), atol=0.003)
+    packed = read_image(files["orm"], color=False).pixels
+    ao, rough, metal = (1, 3, 0) if preset == "unity" else (0, 1, 2)
+    assert np.allclose(packed[..., ao], 1.0)
+    assert np.allclose(packed[..., rough], 0.8 if preset == "unity" else 0.2, atol=0.003)
+    assert np.ptp(packed[..., metal]) == 1.0
+    with pytest.raises(OptionError, match="images: the GLB file contains them"):
+        do("run", {**given, "preset": "godot", "images": ("orm",)}, high=red)
+
+
 def test_maps_in_several_formats(do, ball):
     given = {
         "maps": ("normal", "displacement"), "format": {"displacement": "exr"}, "size": 32,
@@ -235,6 +268,7 @@ def test_limits(do, ball, tmp_path):
 # Keys of steps that the command writes otherwise: files have suffixes there, several values of one
 # option one flag, and a picture or a map is an argument.
 ONLY_IN_FILES = {
+    "run": {"images"},
     "make": {"relief", "relief_height", "relief_scale", "triangles"},
     "check": {"max_faces", "max_stretch"},
     "bake-texture": {"parameters"},

@@ -33,6 +33,8 @@ from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
 
 Float32Array = npt.NDArray[np.float32]
 
+# Pixels per side of an image of one value.
+_FLAT_SIZE = 4
 # Pieces of a map that are looked at one after the other for a value that differs.
 _PIECES = 64
 
@@ -96,6 +98,22 @@ def transferred_channels(materials: Materials) -> tuple[str, ...]:
     )
 
 
+def channels_of_images(materials: Materials | None, *, embeds: bool) -> list[str]:
+    """Return the channels that images are written for.
+
+    Where the mesh file does not embed the material, images also hold one value all over.
+    """
+    if materials is None:
+        return []
+    channels = list(transferred_channels(materials))
+    for layout in () if embeds else LAYOUTS[:3]:
+        for name, _ in layout.channels:
+            found = constant_source(materials, name) if name in _set_channels(materials) else None
+            if found is not None and found.factor != CHANNELS[name].default:
+                channels.append(name)
+    return channels
+
+
 def constant_source(materials: Materials, channel: str) -> ChannelSource | None:
     """Return the one factor of a channel all over the mesh; None where it differs."""
     sources = materials.sources(channel)
@@ -136,8 +154,12 @@ def encoded_channels(
     encoding: str = "png",
     quality: int = 90,
     threads: int | None = None,
+    whole: Iterable[str] = (),
 ) -> dict[str, ChannelSource]:
-    """Return channels for a mesh from the maps that were baked for it."""
+    """Return channels for a mesh from the maps that were baked for it.
+
+    `whole`: names of images that also hold the channels with one value all over.
+    """
     sources: dict[str, ChannelSource] = {}
     for channel in _set_channels(materials):
         constant = constant_source(materials, channel)
@@ -150,6 +172,8 @@ def encoded_channels(
             values[channel] = maps[channel].values
         else:
             sources[channel] = ChannelSource(found)
+    for layout in (layout for layout in LAYOUTS if layout.name in whole):
+        _fill(layout, values, sources)
     pictures = [_picture(layout, values, threads) for layout in LAYOUTS if _present(layout, values)]
     if "normal" in maps:
         vectors = maps["normal"].values
@@ -176,6 +200,18 @@ def encoded_channels(
             )
             sources[channel] = ChannelSource((factor,) * width, image)
     return sources
+
+
+def _fill(
+    layout: ImageLayout, values: dict[str, Float32Array], sources: Mapping[str, ChannelSource]
+) -> None:
+    """Add the channels of an image that have one value; those without a value have the default."""
+    present = [values[channel] for channel, _ in layout.channels if channel in values]
+    shape = present[0].shape[:2] if present else (_FLAT_SIZE, _FLAT_SIZE)
+    for channel, _ in layout.channels:
+        if channel not in values and (channel in sources or layout.name == "orm"):
+            value = sources[channel].factor if channel in sources else CHANNELS[channel].default
+            values[channel] = np.broadcast_to(np.array(value, np.float32), (*shape, len(value)))
 
 
 def _present(layout: ImageLayout, values: Mapping[str, Float32Array]) -> list[tuple[str, int]]:

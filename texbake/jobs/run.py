@@ -22,7 +22,7 @@ from texbake.files import PathLike, appearing_together
 from texbake.jobs.comparison import comparison_warnings
 from texbake.jobs.fit import with_diagnosis
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker
-from texbake.jobs.material_transfer import transferred_channels
+from texbake.jobs.material_transfer import channels_of_images, transferred_channels
 from texbake.jobs.options import PICTURES, RunOptions, with_levels
 from texbake.jobs.outputs import write_report
 from texbake.jobs.run_files import coded_map, files_of_levels, mesh_name, write_asset
@@ -175,7 +175,7 @@ def run(
     """
     options = options or RunOptions()
     high = joined_objects(as_mesh(high)) if options.join_objects else as_mesh(high)
-    channels = () if materials is None else transferred_channels(materials)
+    channels = channels_of_images(materials, embeds=options.target.embeds)
     files, *others = files_of_levels(folder, high, channels, options)
     stages = Stages()
     asset, coarser = make_asset(

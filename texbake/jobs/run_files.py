@@ -22,7 +22,7 @@ from texbake.jobs.material_transfer import (
 from texbake.jobs.options import RunOptions
 from texbake.mesh.files import write_mesh
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.materials import Materials
+from texbake.mesh.materials import ChannelSource, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_shading_normals
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
@@ -74,12 +74,13 @@ def write_asset(
         written = {
             name: coded_map(baked, name, options).write(files[name]) for name in options.own_maps
         }
+    notes = []
     if materials is not None:
-        _write_materials(baked, meshes, materials, files, options)
+        notes = _write_materials(baked, meshes, materials, files, options)
     elif "glb" in files:
         _write_plain(baked, low, files, options)
     if "settings" in files:
-        _write_settings(files, written, options)
+        _write_settings(files, written, notes, options)
 
 
 def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
@@ -101,11 +102,16 @@ def _write_materials(
     materials: Materials,
     files: dict[str, Path],
     options: RunOptions,
-) -> None:
-    """Write the images of the materials, and the low-poly mesh with them."""
+) -> list[str]:
+    """Write the images of the materials, and the low-poly mesh with them.
+
+    Returns what images do not say to a program that reads no material from the mesh file.
+    """
     high, low = meshes
     asset, threads = Path(high.name).stem, options.threads
-    channels = encoded_channels(baked.maps, materials, asset, threads=threads)
+    # A program that reads no material from the mesh file takes every value from an image.
+    whole = () if options.target.embeds else files
+    channels = encoded_channels(baked.maps, materials, asset, threads=threads, whole=whole)
     for name in image_names(channels):
         image = image_of(name, channels)
         if image is None:  # one value everywhere, which becomes a factor
@@ -116,13 +122,23 @@ def _write_materials(
             continue
         with replacing(files[name]) as temporary:
             temporary.write_bytes(image.data)
-    if "glb" not in files:
-        return
     if not options.target.embeds:
-        write_mesh(low, files["glb"])
-        return
+        if "glb" in files:
+            write_mesh(low, files["glb"])
+        return _notes_of(channels, files)
     shared = shared_materials(low, high, materials, channels, asset, threads=threads)
     write_glb(low, files["glb"], materials=shared)
+    return []
+
+
+def _notes_of(channels: Mapping[str, ChannelSource], files: Mapping[str, Path]) -> list[str]:
+    notes = []
+    if "alpha" in channels and "base_color" in files:
+        notes.append(f"{files['base_color'].name}: its alpha channel is the opacity.")
+    if "emissive" in channels and max(channels["emissive"].factor) > 1.0:
+        factor = max(channels["emissive"].factor)
+        notes.append(f"{files['emissive'].name}: multiply it by {factor:.6g}.")
+    return notes
 
 
 def write_mask_map(orm: bytes, path: Path, options: RunOptions) -> None:
@@ -144,7 +160,10 @@ def _export_options(options: RunOptions) -> ExportOptions:
 
 
 def _write_settings(
-    files: dict[str, Path], written: Mapping[str, WrittenMap], options: RunOptions
+    files: dict[str, Path],
+    written: Mapping[str, WrittenMap],
+    notes: list[str],
+    options: RunOptions,
 ) -> None:
     """Write the settings for the program of the preset, and the files that import the asset."""
     maps = []
@@ -163,7 +182,6 @@ def _write_settings(
     asset = files["report"].name.removesuffix("_report.json")
     folder, exported = files["settings"].parent, replace(_export_options(options), name=asset)
     imports = write_imports(folder, exported, mesh_file, maps)
-    notes = []
     if options.convention != options.target.convention:
         notes.append(f"{files['normal'].name}: green is {options.convention}, as you chose it.")
     write_settings(folder, exported, mesh_file, maps, imports, notes=notes)

@@ -6,6 +6,7 @@ The work itself is in `texbake.jobs`.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,7 +15,7 @@ from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.jobs.options import DEMO_FOLDER, DemoOptions, LightenOptions, RunOptions, with_levels
 from texbake.records import dataclass
-from texbake.schema import option_of
+from texbake.schema import option, option_of
 from texbake.verbs.step import (
     Job,
     Settings,
@@ -91,16 +92,38 @@ class RunStep(RunOptions):
     """How a finished asset is made from a high-poly mesh."""
 
     faces: Annotated[int | None, option_of(RunOptions, "n_faces")] = None
+    images: tuple[str, ...] | None = option(
+        None,
+        "Images of the materials of HIGH, for a program whose mesh files do not contain them.",
+        choices=("base_color", "orm", "emissive", "clearcoat", "transmission", "sheen", "specular"),
+        metavar="NAME,...",
+        default="none",
+    )
 
     def __post_init__(self) -> None:
         if self.faces is None and self.error is None:
             raise OptionError("faces, error: neither is given; give one of them, or both")
         object.__setattr__(self, "n_faces", self.faces)
         super().__post_init__()
+        if self.images and self.target.embeds:
+            raise OptionError("images: the GLB file contains them; leave this key out")
+
+    def names_of_levels(
+        self, asset: str, images: Sequence[str] | None = None
+    ) -> list[dict[str, str]]:
+        """Return the names of the files, given the images that the materials have."""
+        own = self.images or ()
+        if images is not None and not self.target.embeds and set(images) != set(own):
+            names = list(images)
+            raise OptionError(
+                f"images: {self.target.title} takes the materials of this mesh as images; name "
+                f"them with: images = {names}"
+            )
+        return super().names_of_levels(asset, images or own)
 
 
 def _run_files(settings: Settings) -> dict[str, str]:
-    """Return the files of a run by its keys; images of materials are in the GLB file, if any is."""
+    """Return the files of a run by its keys."""
     options: RunStep = RUN.made(settings)
     first, *others = options.names_of_levels("asset")
     first.pop("settings", None)  # it names the files of a folder, and these have other names
