@@ -1,9 +1,12 @@
 """Profiles, which check the limits of a program, and reports for programs that show findings."""
 
+import base64
 import json
 import os
 import re
+import struct
 import subprocess
+import zlib
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,9 +16,10 @@ import numpy as np
 import pytest
 import yaml
 
+from tests.glb import read_glb
 from texbake import CheckOptions, check, write_image, write_mesh
+from texbake.checks.budget import AssetFile
 from texbake.checks.check import check_files
-from texbake.checks.kinds import KINDS
 from texbake.checks.report_formats import junit_of, sarif_of
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.targets import PROGRAMS
@@ -126,6 +130,58 @@ def test_images_and_bytes_are_those_of_the_file(textured, monkeypatch):
         assert ("large-file" in names(check_files(path, options=WEB))) == is_large
 
 
+def huge_png():
+    """Return a PNG file that says it has 70,000 x 70,000 pixels."""
+    chunks = ((b"IHDR", struct.pack(">IIBBBBB", 70000, 70000, 8, 2, 0, 0, 0)), (b"IDAT", b"x"))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in (*chunks, (b"IEND", b""))
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [(None, "missing"), (b"no image", "not an image"), (huge_png(), "70000 x 70000")],
+    ids=["missing", "garbage", "huge"],
+)
+def test_images_that_cannot_be_read_are_found(textured, tmp_path, content, reason):
+    path = as_gltf(textured(64), tmp_path)
+    assert "unreadable-images" not in names(check_files(path, options=WEB))
+    (tmp_path / "i.png").unlink() if content is None else (tmp_path / "i.png").write_bytes(content)
+    found = check_files(path, options=WEB).finding("unreadable-images")
+    assert found.count == 1 and reason in found.problem and found.severity == "error"
+
+
+def as_gltf(path, folder, *, inside=False):
+    """Write a GLB file as .gltf, with its buffer and image in files of their own or inside."""
+    document, data = read_glb(path)
+    (image,), view = (
+        document["images"],
+        document["bufferViews"][document["images"][0]["bufferView"]],
+    )
+    start = view.get("byteOffset", 0)
+    for name, content, item in (
+        ("b.bin", bytes(data), document["buffers"][0]),
+        ("i.png", bytes(data[start : start + view["byteLength"]]), image),
+    ):
+        item["uri"] = name
+        if inside:
+            kind = "image/png" if item is image else "application/octet-stream"
+            item["uri"] = f"data:{kind};base64,{base64.b64encode(content).decode()}"
+        else:
+            (folder / name).write_bytes(content)
+    del image["bufferView"]
+    (folder / "a.gltf").write_text(json.dumps(document))
+    return folder / "a.gltf"
+
+
+@pytest.mark.parametrize("inside", [False, True])
+def test_the_bytes_of_a_gltf_file_count_once(textured, tmp_path, inside):
+    path = as_gltf(textured(64), tmp_path, inside=inside)
+    files = [path] if inside else [path, tmp_path / "b.bin", tmp_path / "i.png"]
+    assert AssetFile.of(path).n_bytes == sum(file.stat().st_size for file in files)
+
+
 def test_texels_per_meter_follow_size_and_scale():
     # The ball has an area of about 4 pi, and its coordinates fill the unit square.
     ball = uv_sphere(32, 64)
@@ -211,6 +267,7 @@ def test_the_action_passes_its_inputs(tmp_path, textured):
         ["bash", "-e", "-c", check_step["run"]], cwd=tmp_path, env={**os.environ, **environment},
         check=False, capture_output=True, text=True,
     )  # fmt: skip
-    assert done.returncode in (0, 1), done.stderr
-    assert json.loads((tmp_path / "out.sarif").read_text())["version"] == "2.1.0"
-    assert set(KINDS) >= names(check_files(tmp_path / "ball 64.glb", options=WEB))
+    report = check_files(tmp_path / "ball 64.glb", options=WEB)
+    assert done.returncode == report.fails("error"), done.stderr
+    (made,) = json.loads((tmp_path / "out.sarif").read_text())["runs"]
+    assert {result["ruleId"] for result in made["results"]} == names(report) != set()

@@ -6,6 +6,7 @@ The limits are those of `texbake.targets`.
 from __future__ import annotations
 
 import math
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -24,14 +25,16 @@ class AssetFile:
     """What a model file holds besides its mesh."""
 
     n_bytes: int  # with its buffers and images
-    images: dict[str, tuple[int, int]]  # width and height of those that can be read, by name
+    # Width and height of the images that can be read, by name.
+    images: dict[str, tuple[int, int]] = field(default_factory=dict)
+    unread: tuple[str, ...] = ()  # why the others cannot, a sentence each
     meters_per_unit: float = 1.0
 
     @classmethod
     def of(cls, path: PathLike) -> AssetFile:
         """Measure a file; it has been read as a mesh before."""
         from texbake.mesh.files.contents import read_contents
-        from texbake.mesh.files.gltf_document import read_document
+        from texbake.mesh.files.gltf_document import bytes_beside, read_document
 
         n_bytes, suffix = Path(path).stat().st_size, Path(path).suffix.lower()
         try:
@@ -39,21 +42,24 @@ class AssetFile:
         except TexbakeError:  # a damaged material is no problem of the mesh
             contents = None
         if contents is None:
-            return cls(n_bytes=n_bytes, images={})
-        data = {name: image for name, image in contents.images.items() if image is not None}
-        if suffix not in (".glb", ".usdz", ".fbx"):  # the others refer to them
-            n_bytes += sum(map(len, data.values()))
+            return cls(n_bytes=n_bytes)
         if suffix == ".gltf":
-            n_bytes += sum(
-                int(each.get("byteLength", 0)) for each in read_document(path).items("buffers")
-            )
-        images = {}
-        for name, image in data.items():
+            n_bytes += bytes_beside(read_document(path))
+        elif suffix not in (".glb", ".usdz", ".fbx"):  # the others refer to them
+            n_bytes += sum(len(data) for data in contents.images.values() if data is not None)
+        images, unread = {}, []
+        for name, data in contents.images.items():
             try:
-                images[name] = image_shape(image, name)[:2]
-            except FileFormatError:
-                continue
-        return cls(n_bytes=n_bytes, images=images, meters_per_unit=contents.meters_per_unit or 1.0)
+                if data is None:
+                    unread.append(f"{name}: it is missing, or outside the folder of the file")
+                else:
+                    images[name] = image_shape(data, name)[:2]
+            except FileFormatError as error:
+                unread.append(str(error))
+        return cls(
+            n_bytes=n_bytes, images=images, unread=tuple(unread),
+            meters_per_unit=contents.meters_per_unit or 1.0,
+        )  # fmt: skip
 
 
 def budget_findings(checked: CheckedMesh, file: AssetFile | None) -> list[Finding | None]:
@@ -69,6 +75,9 @@ def budget_findings(checked: CheckedMesh, file: AssetFile | None) -> list[Findin
                 "too-many-triangles", mesh.n_faces, most=limits.triangles, title=target.title
             )
         )
+    unread = () if file is None else file.unread
+    reasons = "; ".join(first_few(unread))
+    found.append(checked.finding("unreadable-images", len(unread), reasons=reasons))
     large = [name for name, size in images.items() if max(size) > limits.texture]
     found.append(
         checked.finding(

@@ -240,6 +240,14 @@ BUDGET_KINDS = (
         remedy="Simplify it: texbake simplify --faces {most}. Or make an asset of it: texbake run.",
     ),
     Kind(
+        name="unreadable-images",
+        title="missing or unreadable images",
+        unit=("image", "images"),
+        severity="error",
+        problem="{reasons}.",
+        remedy="Export the mesh again with its images. Their size was not checked.",
+    ),
+    Kind(
         name="large-images",
         title="large images",
         unit=("image", "images"),

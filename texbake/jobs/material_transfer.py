@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from urllib.parse import unquote
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
-from texbake.errors import FileError, first_few
+from texbake.errors import first_few
 from texbake.files import PathLike
-from texbake.limits import file_beside
-from texbake.mesh.files.gltf_document import read_document
+from texbake.mesh.files.gltf_document import bytes_beside, read_document
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
@@ -349,14 +346,7 @@ def model_bytes(model: PathLike, materials: Materials) -> int:
     if path.suffix.lower() == ".glb":
         return total
     if path.suffix.lower() == ".gltf":
-        document = read_document(path)
-        files = set()
-        for item in (*document.items("buffers"), *document.items("images")):
-            uri = item.get("uri")
-            if isinstance(uri, str) and not uri.startswith("data:"):
-                with suppress(FileError):  # an image that is not read
-                    files.add(file_beside(path, unquote(uri)))
-        return total + sum(file.stat().st_size for file in files if file.is_file())
+        return total + bytes_beside(read_document(path))
     images = {
         source.image.name: len(source.image.data)
         for material in materials.materials

@@ -11,6 +11,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from contextlib import suppress
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
@@ -20,7 +21,7 @@ from urllib.parse import unquote
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, quoted, shortened
+from texbake.errors import FileError, FileFormatError, quoted, shortened
 from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
@@ -285,6 +286,17 @@ class Document:
 def read_document(path: PathLike) -> Document:
     """Read the document of a .gltf or .glb file, which differ in their first bytes."""
     return parsed(path, _read_document)
+
+
+def bytes_beside(document: Document) -> int:
+    """Return the bytes of the files of buffers and images beside a document, each counted once."""
+    files = set()
+    for item in (*document.items("buffers"), *document.items("images")):
+        uri = item.get("uri")
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            with suppress(FileError):  # an image that is not read
+                files.add(file_beside(document.path, unquote(uri)))
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _read_document(path: PathLike) -> Document:
