@@ -135,5 +135,37 @@ def test_fill_does_not_change_its_input_and_says_what_does_not_fit():
     for wrong in (np.zeros(3), np.zeros((1, 2, 3, 4)), np.full((2, 2), "a"), None):
         with pytest.raises(OptionError, match="texels: "):
             fill(wrong, np.ones((2, 2)))
-    with pytest.raises(OptionError, match="padding: -1"):
-        fill(texels, np.eye(4, 6), padding=-1)
+    with pytest.raises(OptionError, match=r"texels: their shape is \(0, 0\)"):
+        fill(np.zeros((0, 0)), np.zeros((0, 0)))
+    for padding in (-1, 1.5):
+        with pytest.raises(OptionError, match=f"padding: {padding}"):
+            fill(texels, np.eye(4, 6), padding=padding)
+    with pytest.raises(OptionError, match="texels: there are integers beyond"):
+        fill([[2**53 + 2, 0]], [[1, 0]])
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.uint32(2**32 - 1),
+        np.int32(-(2**31)),
+        np.int64(2**40 + 1),
+        np.float64(1e300),
+        np.float64(0.1),
+    ],
+)
+def test_fill_keeps_numbers_that_float32_cannot_hold(value):
+    filled = fill(np.array([[value, 0, 0]]).astype(value.dtype), [[1, 0, 0]])
+    assert (filled == value).all() and filled.dtype == value.dtype
+    filled = fill(np.array([[value, 0, value // 2]]).astype(value.dtype), [[1, 0, 1]])
+    assert min(value, value // 2) <= filled[0, 1] <= max(value, value // 2)
+
+
+def test_fill_leaves_out_infinite_values():
+    filled = fill([[[1.0, 2.0], [0.0, 0.0], [np.inf, 4.0]]], [[1, 0, 1]])
+    assert filled[0, 1].tolist() == [1.0, 2.0]
+
+
+def test_padding_copies_integers_of_any_size():
+    filled = fill(np.array([[2**64 - 1, 0]], np.uint64), [[1, 0]], padding=1)
+    assert filled.tolist() == [[2**64 - 1] * 2]

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.errors import OptionError
+from texbake.errors import OptionError, quoted
 from texbake.mesh.interchange import plain_array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -73,6 +73,8 @@ def nearest_owner(
 
 # Rows per band: a few milliseconds of work.
 _FILL_BAND = 128
+_WHOLE = 2**53  # float64 holds all integers up to this one
+_PARTS = 3  # float32 numbers whose sum is a float64 number
 FloatImage = npt.NDArray[np.float32]
 
 
@@ -125,7 +127,8 @@ def fill(
     Raises
     ------
     OptionError
-        The shapes do not fit, or the padding is out of range.
+        The shapes do not fit, the padding is out of range, or integers beyond 2**53 would have to
+        be averaged.
 
     Examples
     --------
@@ -134,7 +137,7 @@ def fill(
     """
     values = plain_array(texels, "texels")
     known = plain_array(mask, "mask") != 0
-    if values.dtype.kind not in "biuf" or values.ndim not in (2, 3):
+    if values.ndim not in (2, 3) or values.size == 0:
         raise OptionError(
             f"texels: their shape is {values.shape}; give numbers (H, W) or (H, W, C)"
         )
@@ -143,18 +146,46 @@ def fill(
             f"mask: its shape is {known.shape}, that of the texels {values.shape[:2]}"
         )
     if padding is not None:
+        if not hasattr(padding, "__index__"):
+            raise OptionError(f"padding: {quoted(padding)} is not a whole number of texels")
         charts = np.where(known, np.int32(0), np.int32(-1))
         sources = nearest_owner(charts, padding, threads=threads).indices
         flat = values.reshape(known.size, -1)
         own = np.arange(known.size).reshape(known.shape)
         return flat[np.where(sources < 0, own, sources)].reshape(values.shape)
-    images = np.where(known[..., np.newaxis], values.reshape(*known.shape, -1), 0)
-    filled = push_pull(images.astype(np.float32), known, threads=threads).reshape(values.shape)
+    if not known.any():
+        return values.copy()
+    images = np.where(
+        known[..., np.newaxis], values.reshape(*known.shape, -1), values.dtype.type(0)
+    )
+    filled = _smooth(images, known, threads)
     if values.dtype.kind != "f":
-        filled = np.rint(filled)
-    kept = known if known.any() else np.ones_like(known)
-    kept = kept.reshape(known.shape + (1,) * (values.ndim - 2))
-    return np.where(kept, values, filled.astype(values.dtype))
+        filled = np.clip(np.rint(filled), images[known].min(), images[known].max())
+    return np.where(known[..., np.newaxis], images, filled.astype(values.dtype)).reshape(
+        values.shape
+    )
+
+
+def _smooth(
+    values: npt.NDArray[Any], mask: npt.NDArray[np.bool_], threads: int | None
+) -> npt.NDArray[Any]:
+    """Return what `push_pull` does; numbers that float32 cannot hold are filled in parts."""
+    if np.can_cast(values.dtype, np.float32):
+        return push_pull(values, mask, threads=threads)
+    if values.dtype.kind != "f" and not (
+        int(values.min()) >= -_WHOLE and int(values.max()) <= _WHOLE
+    ):
+        raise OptionError("texels: there are integers beyond 2**53; use padding, or floats")
+    wide = values.astype(np.float64)
+    largest = np.abs(wide).max(initial=0.0, where=np.isfinite(wide))
+    exponent = int(np.frexp(largest)[1])
+    rest, filled = np.ldexp(wide, -exponent), np.zeros(wide.shape)
+    for _ in range(_PARTS):
+        part = rest.astype(np.float32)
+        filled += push_pull(part, mask, threads=threads)
+        with np.errstate(invalid="ignore"):  # infinity becomes NaN, so all parts leave it out
+            rest -= part
+    return np.ldexp(filled, exponent)
 
 
 def _pushed(
