@@ -50,6 +50,7 @@ def test_they_are_the_texels_of_a_bake():
 def test_what_cannot_be_is_an_error():
     with pytest.raises(UvError, match="no texture coordinates"):
         atlas_points(cube().replace(uvs=None, uv_faces=None), 64)
-    for size in (0, (64, -1)):
+    for size in (0, (64, -1), 4.5, (4, 4, 4), "4", 10**6, None):
         with pytest.raises(OptionError, match="size: "):
             atlas_points(plane(), size)
+    assert atlas_points(plane(), np.int64(4)).mask.shape == (4, 4)

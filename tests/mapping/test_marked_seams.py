@@ -7,7 +7,7 @@ from texbake.errors import FileFormatError, OptionError
 from texbake.mapping.marked_seams import marked_edges, read_seams
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import chart_ids, seam_edges
-from texbake.mapping.unwrap import unwrap, unwrap_with_report
+from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 
@@ -164,6 +164,7 @@ def test_parts_that_no_edges_join_have_no_way(tmp_path):
         ([0, 1, 2], "the array has type int64 and shape .*; pass pairs of vertices"),
         ([[0.0, 1.0]], "the array has type float64"),
         ([[0, 50]], "no edge between its vertices 0 and 50"),
+        ([[0, 1], [2]], "seams: it is not an array of numbers"),
     ],
 )
 def test_pairs_that_are_no_edges_are_refused(seams, message):
@@ -184,3 +185,11 @@ def test_what_seams_do_not_go_with(options):
         UnwrapOptions(**options)
     with pytest.raises(OptionError, match="seams: the method box has no seams"):
         unwrap(bare(uv_sphere(8, 8)), method="box", seams=[[0, 1]])
+    for option in ({"keep": True}, {"charts": "xatlas"}):
+        with pytest.raises(OptionError, match=r"seams: (charts that are kept|xatlas)"):
+            unwrap(uv_sphere(8, 8), seams=[[0, 1]], **option)
+
+
+def test_each_mesh_has_its_seams():
+    with pytest.raises(OptionError, match="seams: there are 2 for 1 mesh"):
+        unwrap_together([uv_sphere(8, 8)], seams=[None, None])

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from texbake.baking.channel_images import surface_points
 from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands, snap_uvs
-from texbake.core import core
-from texbake.errors import require_least
+from texbake.mapping.options.shared import TextureOptions
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.normals import shading_normals
@@ -57,7 +57,7 @@ def atlas_points(
     UvError
         The mesh has no texture coordinates, or they cover nothing.
     OptionError
-        The size is less than 1.
+        The size is not a number of texels, or two.
 
     Examples
     --------
@@ -67,29 +67,22 @@ def atlas_points(
     ([0.125, 0.875, 0.0], np.True_)
     """
     mesh = as_mesh(mesh)
-    width, height = (size, size) if isinstance(size, int) else size
-    require_least("size", min(width, height))
+    texture = TextureOptions(size=size)
+    width, height = texture.width_px, texture.height_px
     grid = SampleGrid(width, height, 1)
     faces = np.full(width * height, NO_FACE, dtype=np.int32)
     positions = np.zeros((width * height, 3))
     normals, barycentrics = np.zeros((2, width * height, 3), np.float32)
-    vectors, corners = shading_normals(mesh, threads=threads)
-    vectors = vectors.astype(np.float32)
+    exact, corners = shading_normals(mesh, threads=threads)
+    vectors = exact.astype(np.float32)
     for band in owned_bands(
         snap_uvs(mesh, grid), grid, Stages(progress), name="find points", threads=threads
     ):
         samples = band.samples
         texels, owners, weights = samples.texel_ids, samples.faces, samples.barycentrics
         of_corners = np.column_stack([1.0 - weights.sum(axis=1), weights])
-        points = np.zeros((len(samples), 3))
-        for i in range(3):
-            points += mesh.positions[mesh.faces[owners, i]] * of_corners[:, i, np.newaxis]
-        directions = np.empty((len(samples), 3), np.float32)
-        core.interpolate_high_normals(
-            owners, weights.astype(np.float32), vectors, corners, directions
-        )
-        faces[texels], positions[texels] = owners, points
-        normals[texels], barycentrics[texels] = directions, of_corners
+        faces[texels], barycentrics[texels] = owners, of_corners
+        positions[texels], normals[texels] = surface_points(mesh, vectors, corners, owners, weights)
     shape = height, width
     return AtlasPoints(
         positions.reshape(*shape, 3),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ from texbake.mesh.materials import (
     Placing,
     SurfaceSampler,
 )
-from texbake.mesh.mesh import FloatArray, IntArray, frozen
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -29,6 +29,31 @@ if TYPE_CHECKING:
     from texbake.baking.inputs import BakeInputs
 
 _BAND = 1 << 15
+
+
+def surface_points(
+    mesh: Mesh,
+    vectors: Float32Array,
+    corners: IntArray,
+    faces: IntArray,
+    barycentrics: npt.NDArray[np.floating[Any]],
+) -> tuple[FloatArray, Float32Array]:
+    """Return points of faces, (n, 3) float64, and unit normals there, (n, 3) float32.
+
+    `vectors` (N, 3) and `corners` (F, 3) are the normals of the mesh; `barycentrics` (n, 2) are the
+    weights of the second and third corner.
+    """
+    weights: FloatArray = barycentrics.astype(np.float64, copy=False)
+    vertices = np.take(mesh.faces, faces, axis=0)
+    points = np.take(mesh.positions, vertices[:, 0], axis=0)
+    points *= 1.0 - weights.sum(axis=1, keepdims=True)
+    for i in (1, 2):
+        points += np.take(mesh.positions, vertices[:, i], axis=0) * weights[:, i - 1 : i]
+    normals = np.empty((len(points), 3), np.float32)
+    core.interpolate_high_normals(
+        faces, barycentrics.astype(np.float32, copy=False), vectors, corners, normals
+    )
+    return points, normals
 
 
 @dataclass(eq=False)
@@ -45,16 +70,9 @@ class MaterialPoints:
     def sampled(self, sampler: SurfaceSampler, inputs: BakeInputs) -> Mapping[str, Float32Array]:
         """Return the values of a sampler at the points, which it computes once for all channels."""
         if sampler not in self._sampled:
-            surface, mesh = inputs.high_surface, inputs.high
-            weights: FloatArray = self.barycentrics.astype(np.float64)
-            corners = np.take(mesh.faces, self.faces, axis=0)
-            points = np.take(mesh.positions, corners[:, 0], axis=0)
-            points *= 1.0 - weights.sum(axis=1, keepdims=True)
-            for i in (1, 2):
-                points += np.take(mesh.positions, corners[:, i], axis=0) * weights[:, i - 1 : i]
-            vectors, corners = surface.normals
-            normals = np.empty((len(points), 3), np.float32)
-            core.interpolate_high_normals(self.faces, self.barycentrics, vectors, corners, normals)
+            points, normals = surface_points(
+                inputs.high, *inputs.high_surface.normals, self.faces, self.barycentrics
+            )
             self._sampled[sampler] = sampler.at(points, normals.astype(np.float64))
         return self._sampled[sampler]
 

@@ -18,6 +18,7 @@ from texbake.files import PathLike
 from texbake.mapping.seams import BoolArray, seam_edges
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.frame import UnitGrid
+from texbake.mesh.interchange import plain_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import edge_keys
 from texbake.mesh.weld import weld_rows
@@ -48,7 +49,7 @@ def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False)
 
 
 def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
-    pairs = np.asarray(edges)
+    pairs = plain_array(edges, "seams")
     if pairs.size == 0:
         return np.empty((0, 2), np.int64)
     if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError, UvError
+from texbake.errors import OptionError, UvError, counted
 from texbake.mapping.corner_uvs import (
     Projected,
     check_measurable,
@@ -119,6 +119,9 @@ def unwrap_together(
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
     seams = [None] * len(meshes) if seams is None else seams
+    if len(seams) != len(meshes):
+        n_meshes = counted(len(meshes), "mesh", "meshes")
+        raise OptionError(f"seams: there are {len(seams)} for {n_meshes}; give one for each")
     results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, seams, stages, threads)
     with stages.stage("measure"):
         measured = [
@@ -177,7 +180,7 @@ def _unwrapped(
         parts = [selected(mesh, faces) for mesh, faces in zip(meshes, chosen, strict=True)]
     if options.method == "atlas":
         cuts = [
-            _cuts(mesh, edges, faces, keep=options.keep_seams)
+            _cuts(mesh, edges, faces, options)
             for mesh, edges, faces in zip(meshes, seams, chosen, strict=True)
         ]
         mapped = _mapped_by_atlas(parts, options, cuts, stages, threads)
@@ -219,14 +222,18 @@ def _unwrapped(
 
 
 def _cuts(
-    mesh: Mesh, edges: npt.ArrayLike | None, faces: BoolArray, *, keep: bool
+    mesh: Mesh, edges: npt.ArrayLike | None, faces: BoolArray, options: UnwrapOptions
 ) -> BoolArray | None:
     """Edges of the chosen faces along which charts are cut, (n, 3) bool; None to choose them."""
-    if edges is None and not keep:
+    if edges is None and not options.keep_seams:
         return None
+    if options.keep:
+        raise OptionError("seams: charts that are kept are not cut; leave it out, or `keep`")
+    if options.charts == "xatlas":
+        raise OptionError("seams: xatlas does not follow given seams; use charts texbake")
     from texbake.mapping.marked_seams import marked_edges
 
-    return marked_edges(mesh, edges, keep=keep)[faces]
+    return marked_edges(mesh, edges, keep=options.keep_seams)[faces]
 
 
 def _mapped_by_atlas(

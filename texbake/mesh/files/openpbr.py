@@ -6,8 +6,9 @@ Based on: MaterialX Specification 1.39; Academy Software Foundation, OpenPBR Sur
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from xml.etree import ElementTree
+
+from texbake.records import dataclass
 
 # Type, kind of the input ("node", "value" or "file"), and the input.
 Input = tuple[str, str, str]
