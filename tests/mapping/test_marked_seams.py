@@ -99,6 +99,13 @@ def test_a_layout_with_flipped_faces_is_made_anew_between_its_seams():
     assert np.array_equal(seam_edges(result), seam_edges(flat))
 
 
+def test_a_layout_without_area_still_has_seams():
+    flat = unwrap(bare(uv_sphere(24, 24)), seams=meridian(uv_sphere(24, 24)))
+    line = flat.replace(uvs=flat.uvs @ np.array([[1.0, 1.0], [1.0, 1.0]]))
+    _, report = unwrap_with_report(line, keep_seams=True)
+    assert report.n_charts == 1 and n_overlapping(report) == 0
+
+
 def test_a_bound_on_stretch_cuts_further():
     ball = bare(uv_sphere(24, 24))
     _, report = unwrap_with_report(ball, seams=meridian(ball), max_stretch=1.02)

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.errors import UnwrapError, counted
+from texbake.errors import UnwrapError, UvError, counted
 from texbake.mapping.atlas.charts import Charts, ChartSurface, existing_charts, gather_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts
 from texbake.mapping.atlas.cutting.parts import MOST_MARKED, connected_parts
@@ -61,7 +61,10 @@ def _relaxed_layouts(
 
     `pieces_of` (F,) int32: piece of each face. Returns their faces (n,) int32 and charts.
     """
-    existing = existing_charts(mesh, size, regions=pieces_of)
+    try:
+        existing = existing_charts(mesh, size, regions=pieces_of)
+    except UvError:  # the layout has no area
+        return []
     fit = repair_charts(
         surface.points[mesh.faces],
         existing.faces,
