@@ -13,7 +13,7 @@ from bpy.props import IntProperty, StringProperty
 from .gather import AnyArray, is_even, mean_scale, object_arrays
 from .operators import Working, found_again, leave_edit_mode
 from .process import Work, WorkError
-from .results import load_image, show_maps, write_flags
+from .results import load_image, save_file, show_maps, write_flags
 from .settings import MAPS, BakeSettings, CheckSettings
 
 
@@ -54,7 +54,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
                 f"{low.name}: it is linked from another file; make it local, or turn off Link to "
                 "Material"
             )
-        leave_edit_mode(context)
+        self.leave_mode(context)
         depsgraph = context.evaluated_depsgraph_get()
         arrays = object_arrays(low, depsgraph)
         if "uv0" not in arrays:
@@ -101,15 +101,21 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
     def end(self, context: bpy.types.Context, work: Work) -> str:
         """Load the images, and show them."""
         low, maps = found_again(self._low), work.done["maps"]
+        files = [work.folder / baked["file"] for baked in maps]
         is_saved = self._chosen.save == "FILES"
-        folder = Path(bpy.path.abspath("//textures")) if is_saved else None
-        try:
-            images = [
-                load_image(work.folder / baked["file"], baked["title"], baked["coding"], folder)
-                for baked in maps
-            ]
-        except OSError as error:
-            raise WorkError(f"the images could not be saved: {error}") from error
+        if is_saved:
+            folder = Path(bpy.path.abspath("//textures"))
+            try:
+                files = [
+                    save_file(file, baked["title"], folder)
+                    for file, baked in zip(files, maps, strict=True)
+                ]
+            except OSError as error:
+                raise WorkError(f"the images could not be saved: {error}") from error
+        images = [
+            load_image(file, baked["title"], baked["coding"], packed=not is_saved)
+            for file, baked in zip(files, maps, strict=True)
+        ]
         if self._chosen.wire:
             work.warnings += show_maps(low, maps, images, work.done["uv"])
         missed = work.done["miss_percent"]
@@ -142,7 +148,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         low = active_mesh(context)
         others = [item for item in context.view_layer.objects.selected if item != low]
         highs = self.meshes(context, others)
-        leave_edit_mode(context)
+        self.leave_mode(context)
         depsgraph = context.evaluated_depsgraph_get()
         chosen = self.chosen(context)
         every = [object_arrays(low, depsgraph)]
@@ -189,14 +195,15 @@ class Check(Working, CheckSettings, bpy.types.Operator):
 
 def select_faces(context: bpy.types.Context, parts: Faces) -> None:
     """Select faces of objects: for each name, their numbers, and how many the object has."""
-    leave_edit_mode(context)
     items = [found_again(name) for name in parts]
     for item, (_, count) in zip(items, parts.values(), strict=True):
+        item.update_from_editmode()
         if len(item.data.polygons) != count:
             raise WorkError(
                 f"{item.name}: the faces cannot be selected, because its modifiers change them, or "
                 "because it was changed after the check"
             )
+    leave_edit_mode(context)
     for item in tuple(context.view_layer.objects.selected):
         item.select_set(False)
     for item, (faces, count) in zip(items, parts.values(), strict=True):

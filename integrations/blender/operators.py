@@ -9,19 +9,17 @@ import bpy
 
 from .gather import is_even, marked_edges, mesh_arrays, object_arrays
 from .process import RUNNING, Work, WorkError
-from .results import make_object, set_uvs
+from .results import MOST_UV_MAPS, has_room, make_object, set_uvs
 from .settings import LightenSettings, RemeshSettings, SimplifySettings, UnwrapSettings
 
 _TICK = 0.1  # seconds between two looks at the running process
 
 
-def leave_edit_mode(context: bpy.types.Context) -> str:
-    """Go to object mode; return the mode before."""
+def leave_edit_mode(context: bpy.types.Context) -> None:
+    """Go to object mode."""
     item = context.view_layer.objects.active
-    mode = "OBJECT" if item is None else item.mode
-    if mode != "OBJECT":
+    if item is not None and item.mode != "OBJECT":
         bpy.ops.object.mode_set(mode="OBJECT")
-    return mode
 
 
 class Working:
@@ -36,6 +34,7 @@ class Working:
 
     _work = None
     _timer = None
+    _left = None  # the name of the object and the mode that `leave_mode` left
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -67,6 +66,13 @@ class Working:
             raise WorkError("no mesh is selected; select one")
         return found
 
+    def leave_mode(self, context: bpy.types.Context) -> None:
+        """Go to object mode until the operator ends."""
+        item = context.view_layer.objects.active
+        if item is not None and item.mode != "OBJECT":
+            self._left = item.name, item.mode
+        leave_edit_mode(context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run until the work is done."""
         try:
@@ -86,6 +92,9 @@ class Working:
             self._work = self.begin(context)
         except WorkError as error:
             return self._failed(error)
+        finally:
+            if self._work is None:
+                self._close(context)
         manager = context.window_manager
         self._timer = manager.event_timer_add(_TICK, window=context.window)
         manager.modal_handler_add(self)
@@ -116,6 +125,7 @@ class Working:
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Stop, because Blender closes or opens another file."""
+        self._left = None
         self._close(context)
 
     def _show(self, context: bpy.types.Context) -> None:
@@ -144,6 +154,12 @@ class Working:
             context.window_manager.progress_end()
             context.workspace.status_text_set(None)
             self._timer = None
+        if self._left is not None:
+            (name, mode), self._left = self._left, None
+            item = context.view_layer.objects.active
+            # Not if a new object is active, or the user has gone on in another mode.
+            if item is not None and (item.name, item.mode) == (name, "OBJECT"):
+                bpy.ops.object.mode_set(mode=mode)
 
 
 # Properties that every group has.
@@ -168,7 +184,7 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
     def begin(self, context: bpy.types.Context) -> Work:
         """Send the meshes without their modifiers, which keep the coordinates."""
         items = self.some_meshes(context)
-        self._mode = leave_edit_mode(context)
+        self.leave_mode(context)
         items = list({item.data: item for item in items}.values())
         chosen = self.chosen(context)
         self._names, self._maps, every = [], [], []
@@ -181,6 +197,7 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
             every.append(mesh_arrays(item.data, item.name) | marked_edges(item.data))
             self._names.append(item.name)
             self._maps.append(chosen.uv_map or (active.name if active else "UVMap"))
+        self._check_room(items)
         is_cut = chosen.seams != "PACK"
         kinds = ["seams"] * (chosen.seams == "MARKED") + ["sharp"] * (chosen.sharp and is_cut)
         options = {
@@ -191,18 +208,23 @@ class Unwrap(Working, UnwrapSettings, bpy.types.Operator):
 
     def end(self, context: bpy.types.Context, work: Work) -> str:
         """Write the coordinates."""
-        leave_edit_mode(context)
+        self.leave_mode(context)
         items = [found_again(name) for name in self._names]
         results = [work.result(f"out{number}")["uvs"] for number in range(len(items))]
         for item, uvs in zip(items, results, strict=True):
             if len(item.data.loops) != len(uvs):
                 raise WorkError(f"{item.name}: it was changed while texbake was running")
+        self._check_room(items)
         for item, name, uvs in zip(items, self._maps, results, strict=True):
-            if not set_uvs(item, name, uvs):
-                raise WorkError(f"{item.name}: it already has eight UV maps, the most possible")
-        if self._mode == "EDIT":
-            bpy.ops.object.mode_set(mode="EDIT")
+            set_uvs(item, name, uvs)
         return f"{work.done['charts']:,} UV islands"
+
+    def _check_room(self, items: list[bpy.types.Object]) -> None:
+        for item, name in zip(items, self._maps, strict=True):
+            if not has_room(item.data, name):
+                raise WorkError(
+                    f"{item.name}: it already has {MOST_UV_MAPS} UV maps, the most possible"
+                )
 
 
 class Reducing(Working):
@@ -213,7 +235,7 @@ class Reducing(Working):
     def start(self, context: bpy.types.Context, options: dict[str, Any]) -> Work:
         """Send the selected meshes with their modifiers."""
         items = self.some_meshes(context)
-        leave_edit_mode(context)
+        self.leave_mode(context)
         depsgraph = context.evaluated_depsgraph_get()
         self._names = [item.name for item in items]
         every = [object_arrays(item, depsgraph, colors=True) for item in items]
@@ -226,10 +248,11 @@ class Reducing(Working):
 
     def end(self, context: bpy.types.Context, work: Work) -> str:
         """Make the objects, select them with their sources, and make the last one active."""
-        leave_edit_mode(context)
-        for number, name in enumerate(self._names):
+        self.leave_mode(context)
+        items = [found_again(name) for name in self._names]
+        for number, item in enumerate(items):
             arrays = work.result(f"out{number}")
-            made = make_object(found_again(name), arrays, self.suffix, self._maps[number])
+            made = make_object(item, arrays, self.suffix, self._maps[number])
             made.select_set(True)
             context.view_layer.objects.active = made
         before, after = (sum(column) for column in zip(*work.done["faces"], strict=True))
@@ -279,17 +302,22 @@ class Lighten(Working, LightenSettings, bpy.types.Operator):
         items = self.some_meshes(context)
         if "io_scene_gltf2" not in context.preferences.addons:
             raise WorkError("the add-on glTF 2.0 is disabled; enable it in the preferences")
-        leave_edit_mode(context)
-        for item in tuple(context.view_layer.objects.selected):
-            item.select_set(item in items)
+        self.leave_mode(context)
         chosen = self.chosen(context)
         self._name = items[0].name
         options = {"n_faces": chosen.faces or None, "size": chosen.size or None}
-        return Work("lighten", options, prepare=export_selection)
+        selected = tuple(context.view_layer.objects.selected)
+        for item in selected:
+            item.select_set(item in items)
+        try:
+            return Work("lighten", options, prepare=export_selection)
+        finally:
+            for item in selected:
+                item.select_set(True)
 
     def end(self, context: bpy.types.Context, work: Work) -> str:
         """Import the result, which Blender then selects."""
-        leave_edit_mode(context)
+        self.leave_mode(context)
         images = set(bpy.data.images)
         bpy.ops.import_scene.gltf(filepath=str(work.folder / "out.glb"))
         for item in (*context.view_layer.objects.selected, *(set(bpy.data.images) - images)):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Results in the scene: images, materials that use them, texture coordinates, meshes."""
 
+import itertools
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -14,24 +16,51 @@ _NODE = "texbake"  # what the names of nodes begin with
 Socket = bpy.types.NodeSocket
 
 COLORS = ("color", "id")  # codings of maps that are sRGB
+MOST_UV_MAPS = 8  # of a mesh of Blender
 
 
-def load_image(file: Path, title: str, coding: str, folder: Path | None) -> bpy.types.Image:
-    """Load a baked map, packed into the .blend file, or copied into a folder."""
-    if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        part = shutil.copyfile(file, folder / f".{title}.part")
-        file = part.replace(folder / f"{title}.png")
+def file_stem(title: str) -> str:
+    """Return the title of a map, which may have any character, as a part of a path."""
+    stem = re.sub(r'[\x00-\x1f"*/:<>?\\|]', "_", title)
+    return stem.encode()[:200].decode(errors="ignore")
+
+
+def earlier_image(title: str) -> bpy.types.Image | None:
+    """Return the image of this title that an earlier bake made."""
+    old = bpy.data.images.get((title, None))  # not one that is linked from another file
+    return old if old is not None and old.get("texbake") == title else None
+
+
+def save_file(file: Path, title: str, folder: Path) -> Path:
+    """Copy a baked map into a folder; return its path.
+
+    Only a file that the image of an earlier bake shows is replaced.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    stem, old = file_stem(title), earlier_image(title)
+    own = None
+    if old is not None and old.packed_file is None:
+        own = Path(bpy.path.abspath(old.filepath_raw)).resolve()
+    names = (f"{stem}.{number:03}.png" if number else f"{stem}.png" for number in itertools.count())
+    paths = (folder / name for name in names)
+    path = next(path for path in paths if not path.exists() or path.resolve() == own)
+    part = folder / f".{path.name}.part"
+    shutil.copyfile(file, part)
+    return part.replace(path)
+
+
+def load_image(file: Path, title: str, coding: str, *, packed: bool) -> bpy.types.Image:
+    """Load a baked map, and pack it into the .blend file, or refer to its file."""
+    old = earlier_image(title)
     image = bpy.data.images.load(str(file))
     image.colorspace_settings.name = "sRGB" if coding in COLORS else "Non-Color"
-    if folder is None:
+    if packed:
         image.pack()
-        image.filepath_raw = f"//{title}.png"  # where unpacking writes it
+        image.filepath_raw = f"//{file_stem(title)}.png"  # where unpacking writes it
     else:
         image.filepath_raw = bpy.path.relpath(str(file))
     image["texbake"] = title
-    old = bpy.data.images.get(title)
-    if old is not None and old.get("texbake") == title:  # of an earlier bake
+    if old is not None:
         old.user_remap(image)
         bpy.data.images.remove(old)
     image.name = title
@@ -163,19 +192,18 @@ def write_uvs(data: bpy.types.Mesh, name: str, uvs: AnyArray) -> None:
     data.attributes[name].data.foreach_set("vector", np.ascontiguousarray(uvs, np.float32).ravel())
 
 
-def set_uvs(item: bpy.types.Object, name: str, uvs: AnyArray) -> bool:
-    """Write texture coordinates into a UV map, which is made if it is missing, and active then.
+def has_room(data: bpy.types.Mesh, name: str) -> bool:
+    """Return whether a mesh has a UV map of this name, or fewer than the most possible."""
+    return name in data.uv_layers or len(data.uv_layers) < MOST_UV_MAPS
 
-    Returns whether there was room for it: a mesh has eight at most.
-    """
+
+def set_uvs(item: bpy.types.Object, name: str, uvs: AnyArray) -> None:
+    """Write texture coordinates into a UV map, which is made if it is missing, and active then."""
     layers = item.data.uv_layers
     layer = layers.get(name) or layers.new(name=name, do_init=False)
-    if layer is None:
-        return False
     write_uvs(item.data, layer.name, uvs)
     layers.active = layers[layer.name]
     item.data.update()
-    return True
 
 
 def make_object(

@@ -263,11 +263,13 @@ def materials():
     }  # fmt: skip
 
 
-def saved(folder):
-    """Bake into files beside the .blend file."""
-    pair()
+def saved(folder, name="low", sizes=(64,)):
+    """Bake into files beside the .blend file, once for each size."""
+    _, low = pair()
+    low.name = name
     bpy.ops.wm.save_as_mainfile(filepath=str(Path(folder, "scene.blend")))
-    answer = tried("bake", maps={"normal"}, size=64, save="FILES", target="unreal")
+    for size in sizes:
+        answer = tried("bake", maps={"normal"}, size=size, save="FILES", target="unreal")
     image = bpy.data.images[0]
     return answer, image.filepath, image.packed_file is None, list(image.size)
 
@@ -331,6 +333,20 @@ def unwrap_together():
         hit[number, y, x] = True
     uvs = np.concatenate([each["uv0"] for each in arrays])
     return answer, int(hit.all(axis=0).sum()), float(uvs.min()), float(uvs.max())
+
+
+def unwrap_without_room():
+    """Unwrap two objects, the second of which has no room; return the answer and the UV maps."""
+    clear()
+    bpy.ops.mesh.primitive_monkey_add()
+    one = bpy.context.object
+    bpy.ops.mesh.primitive_torus_add()
+    other = bpy.context.object
+    while len(other.data.uv_layers) < 8:
+        other.data.uv_layers.new()
+    choose(one, other)
+    answer = tried("unwrap", size=64, uv_map="atlas")
+    return answer, [[layer.name for layer in one.data.uv_layers], len(other.data.uv_layers)]
 
 
 def simplified(operator, options):
@@ -411,18 +427,21 @@ def checked(with_modifier):
         layer.uv[one].vector = layer.uv[other].vector
     if with_modifier:
         item.modifiers.new("Subdivision", "SUBSURF").levels = 1
+        bpy.ops.object.mode_set(mode="EDIT")
     answer = tried("check", size=256)
     found = [[f.severity, f.name, f.counted] for f in bpy.context.window_manager.texbake_findings]
     names = [name for _, name, _ in found]
     mode = item.mode
     number = names.index("overlapping-coordinates")
-    again = None if mode == "OBJECT" else tried("select_finding", number=number)
+    again = tried("select_finding", number=number)
+    mode_again = item.mode
     bpy.ops.object.mode_set(mode="OBJECT")
-    chosen = [p.index for p in item.data.polygons if p.select] if mode == "EDIT" else []
-    return {"answer": answer, "found": found, "mode": mode, "selected": chosen, "again": again}
+    chosen = [p.index for p in item.data.polygons if p.select]
+    return {"answer": answer, "found": found, "mode": mode, "selected": chosen, "again": again,
+            "mode again": mode_again}  # fmt: skip
 
 
-def undone(operator, options):
+def undone(operator, options, in_edit_mode=False):
     """Undo an operator; return the state of the scene before it, after it, and after undo."""
 
     def state():
@@ -435,6 +454,8 @@ def undone(operator, options):
         return {"objects": items, "images": len(bpy.data.images)}
 
     pair()
+    if in_edit_mode:
+        bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.ed.undo_push(message="before")
     before = state()
     if "maps" in options:
@@ -493,6 +514,17 @@ def _other_mesh():
     choose(bpy.data.objects["high"], bpy.data.objects["low"])
 
 
+def _in_edit_mode(spoil):
+    def spoiled():
+        spoil()
+        lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
+        bpy.context.collection.objects.link(lamp)
+        lamp.select_set(True)
+        bpy.ops.object.mode_set(mode="EDIT")
+
+    return spoiled
+
+
 SPOILERS = {
     "other mesh": _other_mesh,
     "nothing selected": _nothing_selected,
@@ -504,23 +536,29 @@ SPOILERS = {
     "wheel missing": _no_wheel,
     "wheel of another platform": _broken_wheel,
     "no temporary folder": _no_folder,
+    "no UV map in edit mode": _in_edit_mode(_no_uvs),
+    "no folder in edit mode": _in_edit_mode(_no_folder),
     "nothing wrong": lambda: None,
 }
 
 
 def refused(how, operator, options):
     """Spoil a scene; return the answer of an operator, and whether anything changed."""
+
+    def state():
+        items = [(item.name, item.mode, item.select_get()) for item in bpy.data.objects]
+        return items, len(bpy.data.images), len(bpy.data.materials)
+
     pair()
     process = part("process")
     kept = process.folder_of
     SPOILERS[how]()
-    before = len(bpy.data.objects), len(bpy.data.images), len(bpy.data.materials)
+    before = state()
     if "maps" in options:
         options = {**options, "maps": set(options["maps"])}
     answer = tried(operator, **options)
     process.folder_of, process.tempfile.tempdir = kept, None
-    after = len(bpy.data.objects), len(bpy.data.images), len(bpy.data.materials)
-    return answer, before == after and not process.RUNNING
+    return answer, before == state() and not process.RUNNING
 
 
 def skips_others():
@@ -550,6 +588,11 @@ class Window:
         self.window_manager = self.workspace = self
         self.window, self.texts, self.calls = self, [], []
 
+    @property
+    def view_layer(self):
+        """Return that of the scene."""
+        return bpy.context.view_layer
+
     def status_text_set(self, text):
         """Keep a text of the status bar."""
         self.texts.append(text)
@@ -558,8 +601,8 @@ class Window:
         return lambda *_args, **_named: self.calls.append(name) or name
 
 
-def modal(events, size=4096):
-    """Run an operator by events, as a window does; return what happened."""
+def modal(events, size=4096, mode="OBJECT"):
+    """Run an operator in a mode by events, as a window does; return what happened."""
     operators = part("operators")
     reports = []
 
@@ -572,7 +615,14 @@ def modal(events, size=4096):
 
         def begin(self, context):
             """Start."""
-            return _work(size)
+            work = _work(size)
+            bpy.ops.object.mode_set(mode=mode)
+            self.leave_mode(context)
+            assert bpy.context.object.mode == "OBJECT"
+            if not events:
+                work.close()
+                raise part("process").WorkError("nothing to do")
+            return work
 
         def end(self, context, work):
             """End."""
@@ -582,10 +632,11 @@ def modal(events, size=4096):
     context = window
     answers = []
     operators.bpy = SimpleNamespace(app=SimpleNamespace(background=False), ops=bpy.ops)
-    operators.leave_edit_mode, kept = (lambda context: None), operators.leave_edit_mode
     try:
         answers += probe.invoke(context, None)
         work = probe._work
+        if work is None:
+            return {"answers": answers, "reports": reports, "mode": bpy.context.object.mode}
         for kind in events:
             deadline = time.monotonic() + 60
             while (
@@ -601,11 +652,11 @@ def modal(events, size=4096):
             kind = "TIMER" if kind == "progress" else kind
             answers += probe.modal(context, SimpleNamespace(type=kind, value="PRESS"))
     finally:
-        operators.bpy, operators.leave_edit_mode = bpy, kept
+        operators.bpy = bpy
     return {
         "answers": answers, "reports": reports, "texts": window.texts, "calls": window.calls,
         "ended": work.process.poll() is not None, "files": work.folder.exists(),
-        "running": len(part("process").RUNNING),
+        "running": len(part("process").RUNNING), "mode": bpy.context.object.mode,
     }  # fmt: skip
 
 

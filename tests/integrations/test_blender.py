@@ -32,7 +32,11 @@ def module(name):
     """Load a module of the extension that imports nothing of Blender."""
     spec = importlib.util.spec_from_file_location(f"blender_{name}", FOLDER / f"{name}.py")
     loaded = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(loaded)
+    sys.path.insert(0, str(FOLDER))  # as in the process beside Blender
+    try:
+        spec.loader.exec_module(loaded)
+    finally:
+        sys.path.pop(0)
     return loaded
 
 
@@ -310,6 +314,36 @@ def test_images_are_saved_beside_the_file(blender, tmp_path):
     assert [file.name for file in (tmp_path / "textures").iterdir()] == ["T_low_N.png"]
 
 
+@pytest.mark.parametrize(
+    ("name", "stem"),
+    [("wall/door", "wall_door"), ("../../door", ".._.._door"), ("Größe.001", "Größe.001")],
+)
+def test_names_of_objects_lead_to_no_other_folder(blender, tmp_path, name, stem):
+    answer, path, *_ = blender("saved", tmp_path, name)
+    assert (answer, path) == ("FINISHED", f"//textures/T_{stem}_N.png")
+    assert [file.name for file in (tmp_path / "textures").iterdir()] == [f"T_{stem}_N.png"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["scene.blend", "textures"]
+
+
+def test_a_long_name_is_shortened_in_a_path(blender, tmp_path):
+    assert blender("saved", tmp_path, "石" * 80)[0] == "FINISHED"
+    (file,) = (tmp_path / "textures").iterdir()
+    assert file.name.startswith("T_石石") and file.suffix == ".png"
+
+
+def test_only_files_of_earlier_bakes_are_replaced(blender, tmp_path):
+    own = tmp_path / "textures" / "T_low_N.png"
+    own.parent.mkdir()
+    own.write_bytes(b"painted by hand")
+    answer, path, *_ = blender("saved", tmp_path, "low", [64, 32])
+    assert (answer, path) == ("FINISHED", "//textures/T_low_N.001.png")
+    assert own.read_bytes() == b"painted by hand"
+    files = sorted(file.name for file in own.parent.iterdir())
+    assert files == ["T_low_N.001.png", "T_low_N.png"]
+    baked = (own.parent / files[0]).read_bytes()
+    assert int.from_bytes(baked[16:20], "big") == 32
+
+
 def test_the_script_of_the_page_runs(blender, tmp_path):
     page = FOLDER.parents[1] / "docs" / "how-to" / "blender.md"
     assert blender("page_script", page, tmp_path) == ["T_high_low_AO", "T_high_low_N"]
@@ -331,6 +365,12 @@ def test_objects_share_a_texture_without_overlaps(blender):
     answer, n_shared, least, greatest = blender("unwrap_together")
     assert (answer, n_shared) == ("FINISHED", 0)
     assert 0.0 <= least < greatest <= 1.0
+
+
+def test_an_object_without_room_leaves_all_others_as_they_were(blender):
+    answer, maps = blender("unwrap_without_room")
+    assert answer == "Torus: it already has 8 UV maps, the most possible"
+    assert maps == [["UVMap"], 8]
 
 
 def test_simplify_keeps_what_a_mesh_has(blender):
@@ -377,8 +417,10 @@ def test_check_selects_the_faces_that_it_names(blender):
 def test_check_says_where_modifiers_hide_the_faces(blender):
     found = blender("checked", True)
     assert found["answer"] == "FINISHED"
-    assert found["mode"] == "OBJECT"
+    assert found["mode"] == "EDIT"  # as before
     assert found["found"]
+    assert "cannot be selected" in found["again"]
+    assert found["mode again"] == "EDIT"
 
 
 @pytest.mark.parametrize(
@@ -396,6 +438,12 @@ def test_undo_takes_an_operator_back(blender, operator, options):
     assert undone == before
 
 
+def test_a_bake_comes_back_to_edit_mode(blender):
+    before, after, undone = blender("undone", "bake", NORMAL, True)
+    assert [state["objects"]["low"][1] for state in (before, after, undone)] == ["EDIT"] * 3
+    assert [state["images"] for state in (before, after, undone)] == [0, 1, 0]
+
+
 @pytest.mark.parametrize(
     ("how", "operator", "options", "message"),
     [
@@ -408,6 +456,14 @@ def test_undo_takes_an_operator_back(blender, operator, options):
         ("low-poly mesh alone", "bake", NORMAL, "no high-poly mesh is selected"),
         ("no UV map", "bake", NORMAL, "low: it has no UV map; unwrap it first"),
         ("no UV map", "unwrap", {"seams": "PACK"}, "it has no UV map, so there are no seams"),
+        ("no UV map in edit mode", "bake", NORMAL, "low: it has no UV map; unwrap it first"),
+        ("no UV map in edit mode", "unwrap", {"seams": "PACK"}, "there are no seams"),
+        ("no folder in edit mode", "bake", NORMAL, "could not start"),
+        ("no folder in edit mode", "unwrap", {}, "could not start"),
+        ("no folder in edit mode", "simplify", {}, "could not start"),
+        ("no folder in edit mode", "remesh", {}, "could not start"),
+        ("no folder in edit mode", "lighten", {}, "could not start"),
+        ("no folder in edit mode", "check", {}, "could not start"),
         ("active object is no mesh", "bake", NORMAL, "the active object is not a mesh"),
         ("no faces", "bake", NORMAL, "low: it has no faces"),
         ("no faces", "unwrap", {}, "low: it has no faces"),
@@ -441,15 +497,21 @@ def test_objects_that_are_not_meshes_are_skipped(blender):
 
 
 def test_escape_ends_the_process(blender):
-    found = blender("modal", ["MOUSEMOVE", "progress", "ESC"])
+    found = blender("modal", ["MOUSEMOVE", "progress", "ESC"], 4096, "EDIT")
     assert found["answers"][0] == "RUNNING_MODAL"
     assert found["answers"][-1] == "CANCELLED"
     assert set(found["answers"][1:-1]) == {"PASS_THROUGH"}  # the interface stays free
     assert found["reports"] == ["texbake was stopped; nothing has changed"]
+    assert found["mode"] == "EDIT"
     assert found["ended"] and not found["files"] and not found["running"]
     assert found["texts"][-1] is None  # the status bar is Blender's again
     assert any("Esc" in text for text in found["texts"][:-1])
     assert {"event_timer_remove", "progress_end"} <= set(found["calls"])
+
+
+def test_an_operator_that_cannot_start_comes_back_to_edit_mode(blender):
+    found = blender("modal", [], 64, "EDIT")
+    assert found == {"answers": ["CANCELLED"], "reports": ["nothing to do"], "mode": "EDIT"}
 
 
 def test_events_of_a_window_bring_the_result(blender):
