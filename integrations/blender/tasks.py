@@ -4,7 +4,6 @@
 All lengths are those of the space of an object. A task ends with a line that says what is done.
 """
 
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from worker import tell
 
 from texbake.baking.bake import bake as baked_maps
 from texbake.baking.options import BakeOptions
@@ -34,11 +34,6 @@ Arrays = dict[str, AnyArray]  # of one object, from `gather.object_arrays`
 Options = dict[str, Any]
 
 _MOST_TRIES = 4  # of an unwrap that keeps polygons whole
-
-
-def tell(**values: Any) -> None:
-    """Print one line for the process that waits."""
-    print(json.dumps(values), flush=True)
 
 
 class Told:
