@@ -338,6 +338,24 @@ def test_a_preset_names_and_codes_the_files_as_export_does(high: Mesh, tmp_path:
     assert "T_ball_H.png" in text and "SM_ball.glb" in text and "{" not in text
 
 
+def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(
+    high: Mesh, tmp_path: Path
+) -> None:
+    words = {
+        "unreal": ("turn Flip Green Channel on.", "(False, True, 'TC_NORMALMAP'"),
+        "unity": ("Flip Green Channel on", "flipGreenChannel = true;"),
+        "godot": ("turn Normal Map Invert Y on.", "process/normal_map_invert_y=true"),
+    }
+    for preset, (setting, imported) in words.items():
+        other = "directx" if PROGRAMS[preset].convention == "opengl" else "opengl"
+        for convention in (other, PROGRAMS[preset].convention):
+            options = replace(QUICK, preset=preset, convention=convention)
+            made = run(high, tmp_path / preset / convention, options)
+            text = " ".join(made.files["settings"].read_text().split())
+            script = " ".join(made.files["import"].read_text().split())
+            assert (setting in text, imported in script) == (convention == other,) * 2, preset
+
+
 @pytest.mark.parametrize("preset", PROGRAMS)
 def test_options_that_are_given_win_over_a_preset(preset: str) -> None:
     target, chosen = PROGRAMS[preset], RunOptions(preset=preset)

@@ -172,7 +172,10 @@ def _write_settings(
         heights = {
             word: float(found.metadata[key]) for word, key in keys.items() if key in found.metadata
         }
-        maps.append(ExportedMap(kind=name, tile="", path=files[name], **heights))
+        flips = (
+            name in ("normal", "bent-normal") and options.convention != options.target.convention
+        )
+        maps.append(ExportedMap(kind=name, tile="", path=files[name], flips=flips, **heights))
     packing = options.target.packing
     for name in ("base_color", "orm", "emissive"):
         if name in files:

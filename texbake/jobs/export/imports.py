@@ -87,7 +87,9 @@ def _unreal_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> 
     textures = {}
     for written in maps:
         (compression, sampler), places = _UNREAL.get(written.kind, (_MASKS, {}))
-        textures[written.path.name] = (written.kind in _COLORS, compression, sampler, places)
+        textures[written.path.name] = (
+            *(written.kind in _COLORS, written.flips), compression, sampler, places,
+        )  # fmt: skip
     return _template("unreal.py.txt").substitute(
         asset=_in_comment(asset), identifier=_identifier(asset), mesh=repr(mesh_file.name),
         textures=pformat(textures, width=96, sort_dicts=False),
@@ -102,6 +104,7 @@ def _unity_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> s
 
     return _template("unity.cs.txt").substitute(
         asset=_in_comment(asset), identifier=_identifier(asset), mesh=json.dumps(mesh_file.name),
+        flips=str(any(m.flips for m in maps)).lower(),
         normals=listed([m.path.name for m in maps if m.kind in _NORMALS]),
         data=listed([m.path.name for m in maps if m.kind not in (*_NORMALS, *_COLORS)]),
         textures=", ".join(
@@ -117,6 +120,7 @@ def _godot_preset(written: ExportedMap) -> str:
     values = {
         "compress/mode": 0 if is_heights else 2,
         "compress/normal_map": 1 if written.kind in _NORMALS else 2,
+        "process/normal_map_invert_y": str(written.flips).lower(),
         "mipmaps/generate": "true",
         "detect_3d/compress_to": 0,
     }

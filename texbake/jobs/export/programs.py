@@ -28,6 +28,7 @@ class ExportedMap:
     path: Path
     mid: float = 0.0  # of heights: the value at the surface
     scale: float = 1.0  # of heights: meters from black to white; 1 in a float file
+    flips: bool = False  # of a normal map: whether green points opposite to the program's
 
 
 TEXTURES = ("png", "dds")
@@ -89,7 +90,8 @@ class ExportOptions(CheckedOptions):
 # What to do with each map in each program. `{file}` is its name; for heights `{mid}` is the value
 # of the surface, `{m}` and `{cm}` are black to white in meters and centimeters, `{bias}` is
 # meters at black. `{held}` is filled in for maps that the mesh file contains; `{flip}` says
-# whether v points up, as in all files but glTF.
+# whether v points up, as in all files but glTF; `{y}`, `{switch}` and `{sign}` are where green
+# points, and how the program has to turn it.
 _STEPS: dict[str, dict[str, str]] = {
     "blender": {
         "mesh": "File > Import > glTF 2.0: {file}.",
@@ -97,7 +99,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "obj": "File > Import > Wavefront: {file}, Forward Axis -Z, Up Axis Y. It has no material; "
         "make one from the maps below.",
         "normal": "{file}: Image Texture, Color Space Non-Color -> Normal Map node, Tangent Space "
-        "-> Normal of the Principled BSDF. Green is +Y, as in Blender; do not invert it.",
+        "-> Normal of the Principled BSDF. Green is {y}; Blender needs +Y.",
         "displacement": "{file}: Image Texture, Non-Color -> Height of a Displacement node, "
         "Midlevel 0, Scale 1 -> Displacement of the Material Output. Heights are meters. Material "
         "Settings > Surface > Displacement: Displacement Only; add a Subdivision Surface modifier "
@@ -119,8 +121,8 @@ _STEPS: dict[str, dict[str, str]] = {
         "usd": "Import {file} with the USD Importer plugin.",
         "obj": "Import {file} with an import uniform scale of 100: its unit is the meter, and the "
         "format does not say so. Recompute tangents with Use MikkTSpace on.",
-        "normal": "{file}: Compression Settings Normalmap (DXT5, BC5), sRGB off. Green is -Y "
-        "(DirectX) already: leave Flip Green Channel off.",
+        "normal": "{file}: Compression Settings Normalmap (DXT5, BC5), sRGB off. Green is {y}: "
+        "turn Flip Green Channel {switch}.",
         "displacement": "{file}: Compression Settings Grayscale, sRGB off. Material > Displacement "
         "(Nanite): Magnitude {cm:.6g}, Center {mid:.6g}. For world position offset or parallax: "
         "(height - {mid:.6g}) * {cm:.6g} cm.",
@@ -141,7 +143,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "usd": "Import {file} with the package com.unity.importer.usd, or export again as obj.",
         "glb": "Put {file} under Assets, with the package com.unity.cloud.gltfast installed.",
         "normal": "{file}: Texture Type Normal map, Create from Grayscale off, Flip Green Channel "
-        "off (+Y, as in Unity) -> Normal Map, scale 1.",
+        "{switch} (green is {y}) -> Normal Map, scale 1.",
         "displacement": "{file}: sRGB off, Format R 16 bit. HDRP: Height Map, Displacement Mode "
         "Vertex or Pixel, Parametrization Amplitude, Base {mid:.6g}, Amplitude {cm:.6g} (cm).",
         "mask-map": "{file}: sRGB off. HDRP: Mask Map. URP: Metallic Map with Source Metallic "
@@ -154,13 +156,13 @@ _STEPS: dict[str, dict[str, str]] = {
         "tiles": "Unity does not support UDIM tiles: use one material per tile.",
     },
     "godot": {
-        "imports": "The .import files, such as {file}, set the compression of the textures when "
-        "Godot first imports them. To do it by hand:",
+        "imports": "The .import files set the compression of the textures when Godot first imports "
+        "them. To do it by hand:",
         "mesh": "Put {file} into the project. Tangents are those of the file.",
         "usd": "Godot does not read USD; export again as glb.",
         "obj": "Put {file} into the project. It has no material; make one from the maps below.",
         "normal": "{file}: Import > Compress > Normal Map: Enable. StandardMaterial3D > Normal Map "
-        "Enabled, Scale 1. Green is +Y, as in Godot: Normal Map Invert Y off.",
+        "Enabled, Scale 1. Green is {y}: turn Normal Map Invert Y {switch}.",
         "orm": "{file}: ORMMaterial3D > ORM > Texture.",
         "displacement": "{file}: for parallax only. Height > Enabled, Scale {cm:.6g} (cm from "
         "black to white), Flip Texture off, Deep Parallax on. Level {mid:.6g} is the surface.",
@@ -174,7 +176,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "usd": "new USDLoader().loadAsync('{file}'); the .glb keeps more.",
         "obj": "new OBJLoader().loadAsync('{file}'). It has no material: assign the maps yourself.",
         "normal": "{file}: {held}texture.flipY = {flip}, colorSpace = "
-        "NoColorSpace; material.normalMap, normalScale (1, 1), geometry with tangents.",
+        "NoColorSpace; material.normalMap, normalScale (1, {sign}), geometry with tangents.",
         "orm": "{file}: {held}flipY = {flip}, NoColorSpace; aoMap, "
         "roughnessMap and metalnessMap are all this texture, roughness and metalness 1.",
         "displacement": "{file}: flipY = {flip}, NoColorSpace; material.displacementMap, "
@@ -189,7 +191,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "mesh": "Open {file} in any viewer of glTF 2.0.",
         "usd": "{file}: viewers of glTF do not read USD; export again as glb.",
         "obj": "{file}: viewers of glTF do not read OBJ; export again as glb.",
-        "normal": "{file}: {held}normalTexture, scale 1.",
+        "normal": "{file}: {held}normalTexture, scale 1. Green is {y}; glTF needs +Y.",
         "orm": "{file}: {held}metallicRoughnessTexture and occlusionTexture, factors 1.",
         "base-color": "{file}: {held}baseColorTexture.",
         "emissive": "{file}: {held}emissiveTexture, emissiveFactor 1.",
@@ -241,6 +243,8 @@ def settings_text(
 ) -> str:
     """Return the settings to make in the program, as plain text."""
     target, steps = PROGRAMS[options.to], _STEPS[options.to]
+    flips = any(written.flips for written in maps)
+    is_up = (target.convention == "opengl") != flips
     is_glb, has_imports = mesh_file.suffix == ".glb", bool(imports) and "imports" in steps
     holds = is_glb and target.embeds and not any(written.tile for written in maps)
     lines = [
@@ -248,7 +252,7 @@ def settings_text(
         "",
         f"Axes      {target.axes}",
         f"Tangents  {target.tangents}",
-        f"Green     {'+Y (OpenGL)' if target.convention == 'opengl' else '-Y (DirectX)'}",
+        f"Green     {'+Y (OpenGL)' if is_up else '-Y (DirectX)'}",
         "",
         *([steps["imports"].format(file=imports[0].name), ""] if has_imports else []),
         "Mesh",
@@ -267,6 +271,8 @@ def settings_text(
         )
     lines += ["", "Maps"] if maps else []
     words = {"held": _HELD if holds else "", "flip": "false" if is_glb else "true"}
+    words |= {"y": "+Y" if is_up else "-Y", "switch": "on" if flips else "off"}
+    words["sign"] = "-1" if flips else "1"
     lines += [f"  {_map_step(steps, written, words)}" for written in maps]
     if any(written.tile for written in maps):
         lines.append(f"  UDIM: {steps['tiles']}")
