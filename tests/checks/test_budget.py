@@ -225,6 +225,15 @@ def test_sarif_has_what_its_schema_requires(reports):
     assert len(uris) == 2 and not any(" " in uri for uri in uris)
 
 
+def test_sarif_names_files_that_are_not_utf_8():
+    report = replace(
+        check(icosphere(1)), files=dict.fromkeys(("low", "high"), os.fsdecode(b"\xff.obj"))
+    )
+    (run,) = sarif_of([report])["runs"]
+    place = run["results"][0]["locations"][0]["physicalLocation"]
+    assert place["artifactLocation"]["uri"] == "%FF.obj"
+
+
 def test_junit_counts_what_fails(reports):
     for fail_on in ("error", "note", None):
         suites = ElementTree.fromstring(junit_of(reports, fail_on))

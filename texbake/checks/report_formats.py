@@ -6,6 +6,7 @@ Jenkins and GitLab read it.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any
@@ -41,7 +42,7 @@ def sarif_of(reports: Sequence[CheckReport]) -> dict[str, Any]:
 
 
 def _result(report: CheckReport, finding: Finding, rule: int) -> dict[str, Any]:
-    uri = quote(PurePath(report.file_of(finding)).as_posix())
+    uri = quote(os.fsencode(PurePath(report.file_of(finding)).as_posix()))
     place = {"artifactLocation": {"uri": uri}, "region": {"startLine": 1}}
     result = {
         "ruleId": finding.name,

@@ -12,7 +12,12 @@ from texbake.baking.result import BakedMap, BakeResult, WrittenMap
 from texbake.files import PathLike, check_writable, make_folder, replacing, scratch_folder
 from texbake.jobs.export.imports import write_imports
 from texbake.jobs.export.maps import PACKED, Converter, SourceMap
-from texbake.jobs.export.programs import ExportedMap, ExportOptions, write_settings
+from texbake.jobs.export.programs import (
+    ExportedMap,
+    ExportOptions,
+    check_asset_name,
+    write_settings,
+)
 from texbake.jobs.material_transfer import (
     encoded_channels,
     image_names,
@@ -35,6 +40,8 @@ def files_of_levels(
 ) -> list[dict[str, Path]]:
     """Return the files of each level of detail by their keys, the finest first."""
     folder, asset = make_folder(folder), Path(high.name).stem or "mesh"
+    if options.preset is not None:
+        check_asset_name(asset)
     images = image_names(channels)
     files = [
         {key: folder / file for key, file in names.items()}

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdShade
 
+from texbake import OptionError, RunOptions, run
 from texbake.jobs.export.export import export_asset
 from texbake.jobs.export.programs import ExportOptions
 from texbake.mesh.files.openpbr import materialx_document, openpbr_nodes
@@ -168,6 +169,16 @@ def test_presets_for_godot(export):
         params = parser["params"]
         assert params["compress/normal_map"] == ("1" if written.kind == "normal" else "2")
         assert params["compress/mode"] == ("0" if written.kind == "displacement" else "2")
+
+
+@pytest.mark.parametrize("name", ["a\x01b", "a\udcff", "a\n"])
+def test_names_that_no_file_can_hold_are_refused(tmp_path, name):
+    ball = uv_sphere(6, 8).replace(name=f"{name}.obj")
+    with pytest.raises(OptionError, match="give another name"):
+        export_asset(ball, {}, tmp_path, ExportOptions(to="unity"))
+    with pytest.raises(OptionError, match="give another name"):
+        run(ball, tmp_path, RunOptions(n_faces=20, preset="unreal"))
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_material_without_maps_is_valid(tmp_path, library):

@@ -23,7 +23,12 @@ from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.export.imports import write_imports
 from texbake.jobs.export.maps import COLORS, PACKED, Converter, SourceMap, source_maps
-from texbake.jobs.export.programs import ExportedMap, ExportOptions, write_settings
+from texbake.jobs.export.programs import (
+    ExportedMap,
+    ExportOptions,
+    check_asset_name,
+    write_settings,
+)
 from texbake.jobs.outputs import triangle_notes
 from texbake.mesh.compose import transformed
 from texbake.mesh.distance import sample_surface
@@ -90,8 +95,9 @@ def export_asset(
     for given, option in ((options.compress, "compress"), (levels, "levels")):
         if given and mesh_format != "glb":
             raise OptionError(f"{option}: a {mesh_format} file has none; use the mesh format glb")
-    sources = source_maps(maps)
     asset = options.name or Path(mesh.name).stem or "asset"
+    check_asset_name(asset)
+    sources = source_maps(maps)
     if sources and mesh.uvs is None:
         raise UvError(
             f"{mesh.name}: it has no texture coordinates for its maps; make some with: "

@@ -6,6 +6,7 @@ of Unreal Engine 5, Unity (URP and HDRP) and Godot 4.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
@@ -83,8 +84,18 @@ class ExportOptions(CheckedOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.name is not None and (not self.name.strip() or set(self.name) & set("/\\\0")):
-            raise OptionError(f"name: {quoted(self.name)} is not a file name; leave out slashes")
+        if self.name is not None:
+            check_asset_name(self.name)
+
+
+def check_asset_name(name: str) -> None:
+    """Raise `OptionError` for a name that is no file name, or that no text file can hold."""
+    if not name.strip() or set(name) & set("/\\"):
+        raise OptionError(f"name: {quoted(name)} is not a file name; leave out slashes")
+    if re.search("[\0-\x1f\x7f\ud800-\udfff]", name):
+        raise OptionError(
+            f"name: {quoted(name)} has control characters or is not UTF-8; give another name"
+        )
 
 
 # What to do with each map in each program. `{file}` is its name; for heights `{mid}` is the value
