@@ -108,6 +108,16 @@ def test_faces_without_area_are_kept(xatlas):
     assert np.isfinite(uvs).all()
 
 
+def test_a_mesh_without_area_is_left_out(xatlas):
+    atlas = generated(xatlas, (SQUARE, FACES), (SQUARE * [1, 0, 0], FACES), (SQUARE, FACES))
+    assert (atlas.mesh_count, atlas.chart_count) == (3, 2)
+    assert [atlas.get_mesh_chart_count(i) for i in range(3)] == [1, 0, 1]
+    mapping, indices, uvs = atlas[1]
+    np.testing.assert_array_equal(mapping[indices], FACES)
+    assert (uvs == 0.0).all()
+    assert all((ids == 2**32 - 1).all() for ids in atlas.get_mesh_vertex_assignment(1))
+
+
 def test_an_empty_mesh_has_an_empty_result(xatlas):
     mapping, indices, uvs = xatlas.parametrize(SQUARE[:0], FACES[:0])
     assert (mapping.shape, indices.shape, uvs.shape) == ((0,), (0, 3), (0, 2))

@@ -37,6 +37,7 @@ from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_together
 from texbake.mesh.interchange import plain_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.normals import degenerate_faces
 from texbake.records import dataclass
 
 __version__ = "0.0.11"
@@ -143,11 +144,18 @@ class Atlas:
             keep=bool(keep and all(mesh.uvs is not None for mesh in self._meshes)),
             seams_at_hard_edges=charts.normal_seam_weight > _HARD and not keep,
         )
-        meshes = [mesh for mesh, _ in unwrap_together(self._meshes, options)]
+        empty = [bool(degenerate_faces(mesh).all()) for mesh in self._meshes]
+        solid = [mesh for mesh, is_empty in zip(self._meshes, empty, strict=True) if not is_empty]
+        meshes = [mesh for mesh, _ in unwrap_together(solid or self._meshes, options)]
         if pack.texels_per_unit > 0.0:
             keeping = replace(options, keep=True, seams_at_hard_edges=False)
             meshes, options = _at_density(meshes, keeping, pack)
-        self._packed, self._size = _placed(meshes, options, crop=not pack.resolution)
+        packed, self._size = _placed(meshes, options, crop=not pack.resolution)
+        rest = iter(packed)
+        self._packed = [
+            _without_charts(mesh) if is_empty else next(rest)
+            for mesh, is_empty in zip(self._meshes, empty, strict=True)
+        ]
         self._images = list(self._drawn()) if pack.create_image else None
         if verbose:
             print(f"--- Generated Atlas ---\nUtilization: {100.0 * self.utilization:f}%")
@@ -339,6 +347,12 @@ def _index(value: Any) -> int:
     if not hasattr(value, "__index__") or value.__index__() < 0:
         raise TypeError(f"{value!r} is not an index of 0 or more")
     return int(value.__index__())
+
+
+def _without_charts(mesh: Mesh) -> _Packed:
+    """Return a mesh without area, whose faces lie in no chart and no atlas."""
+    none = np.full(mesh.n_faces, -1, np.int32)
+    return _Packed(mesh.replace(uvs=np.zeros((1, 2)), uv_faces=0 * mesh.faces), none, none, 0)
 
 
 def _at_density(
