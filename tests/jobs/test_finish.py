@@ -231,6 +231,10 @@ def test_an_opacity_of_one_all_over_is_opaque(ball):
         (lambda p: {}, "sample: it returned no channel"),
         (lambda p: {"colour": p}, "sample: 'colour' is not a channel; return some of base-color"),
         (lambda p: {"normal": p}, "sample: 'normal' is not a channel"),
+        (
+            lambda p: {"alpha": 0 * p[:, 0], "opacity": 0 * p[:, 1]},
+            "sample: it returned alpha under two",
+        ),
         (lambda p: {"metallic": p}, r"sample: metallic: it returned the shape \(16, 3\)"),
         (lambda p: {"roughness": p[:, 0] / 0}, "sample: roughness: it returned NaN or infinity"),
     ],
@@ -242,6 +246,19 @@ def test_a_wrong_answer_is_one_clear_error_before_the_work(answer, message, ball
         finish(*ball, sample=lambda points, normals: answer(points),
                progress=lambda stage, share: heard.append(stage), **SMALL)  # fmt: skip
     assert "\n" not in str(caught.value) and set(heard) == {"repair"}
+
+
+@pytest.mark.parametrize(("least", "message"), [(-0.5, None), (-9.0, "they must be 0 or more")])
+def test_linear_light_has_no_upper_bound_and_is_not_negative(least, message, ball):
+    def sample(points, normals):
+        return {"emissive": np.where(points[:, 1:2] > 0.0, 5.0, least) + 0.0 * points}
+
+    if message is None:
+        glow = finish(*ball, sample=sample, linear=True, **SMALL).maps["emissive"].values
+        assert glow.min() == 0.0 and glow.max() == 5.0
+    else:
+        with pytest.raises(OptionError, match=message):
+            finish(*ball, sample=sample, linear=True, **SMALL)
 
 
 @pytest.mark.parametrize("later", ["shape", "channels", "nan"])

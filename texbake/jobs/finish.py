@@ -300,6 +300,8 @@ class _Sampler:
             if name not in CHANNELS or name == "normal":
                 known = ", ".join(name for name in CHANNELS if name != "normal")
                 raise OptionError(f"sample: {quoted(key)} is not a channel; return some of {known}")
+            if name in found:
+                raise OptionError(f"sample: it returned {name} under two names; return one")
             width = len(CHANNELS[name].default)
             values = _checked(value, f"sample: {key}", n, (1, 3) if width == 3 else (1,))
             found[name] = self._linear_values(name, np.broadcast_to(values, (n, width)))
@@ -307,14 +309,14 @@ class _Sampler:
 
     def _linear_values(self, name: str, values: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
         channel = CHANNELS[name]
-        if channel.is_bounded or not self._linear:
-            least, most = float(values.min()), float(values.max())
-            if least < -_FARTHEST or most > 1.0 + _FARTHEST:
-                raise OptionError(
-                    f"sample: {name} has values from {least:.4g} to {most:.4g}; they must lie in "
-                    "[0, 1], or be uint8"
-                )
-            values = np.clip(values, 0.0, 1.0)
+        top = 1.0 if channel.is_bounded or not self._linear else np.inf
+        least, most = float(values.min()), float(values.max())
+        if least < -_FARTHEST or most > top + _FARTHEST:
+            wanted = "lie in [0, 1], or be uint8" if top == 1.0 else "be 0 or more"
+            raise OptionError(
+                f"sample: {name} has values from {least:.4g} to {most:.4g}; they must {wanted}"
+            )
+        values = np.clip(values, 0.0, top)
         if channel.is_color and not self._linear:
             values = _linear_light()[np.rint(values * _LEVELS).astype(np.uint16)]
         return np.ascontiguousarray(values, np.float32)
