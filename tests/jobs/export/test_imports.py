@@ -181,6 +181,25 @@ def test_names_that_no_file_can_hold_are_refused(tmp_path, name):
     assert not list(tmp_path.iterdir())
 
 
+def test_names_without_ascii_letters_stay_apart(export):
+    scripts = [export("unity", name).imports[0].name for name in ("日本", "中国", "a b", "a-b")]
+    assert len(set(scripts)) == 4 and all(Path(name).stem.isidentifier() for name in scripts)
+
+
+def test_materialx_names_all_tiles(tmp_path, library):
+    write_normals(np.full((4, 4, 3), (0.0, 0.0, 1.0)), tmp_path / "n.png")
+    tiles = {f"normal:{tile}": tmp_path / "n.png" for tile in (1002, 1011)}
+    ball = uv_sphere(6, 8).replace(name="rock.obj")
+    result = export_asset(
+        ball, tiles, tmp_path / "out", ExportOptions(to="blender", materialx=True)
+    )
+    (path,) = [file for file in result.imports if file.suffix == ".mtlx"]
+    document = read_materialx(path, library)
+    nodes = document.getNodes()
+    files = [node.getInputValue("file") for node in nodes if node.getCategory() == "image"]
+    assert files == ["rock_normal.<UDIM>.png"]
+
+
 def test_a_material_without_maps_is_valid(tmp_path, library):
     (tmp_path / "a.mtlx").write_text(materialx_document(openpbr_nodes({}), "a"))
     read_materialx(tmp_path / "a.mtlx", library)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 from pprint import pformat
@@ -60,8 +61,8 @@ def write_imports(
         # Godot loads .dds files as they are.
         imported = [each for each in own if each.path.suffix != ".dds"]
         texts = {f"{each.path.name}.import": _godot_preset(each) for each in imported}
-    if options.materialx and own:
-        texts[f"{asset}.mtlx"] = _material_of(asset, own, PROGRAMS[options.to].convention)
+    if options.materialx and maps:
+        texts[f"{asset}.mtlx"] = _material_of(asset, maps, PROGRAMS[options.to].convention)
     for name, text in texts.items():
         make_folder((folder / name).parent)
         with replacing(folder / name) as temporary:
@@ -70,9 +71,13 @@ def write_imports(
 
 
 def _identifier(name: str) -> str:
-    """Return a valid identifier: ASCII letters, digits and underscores."""
+    """Return a valid identifier: ASCII letters, digits and underscores.
+
+    A checksum keeps names apart that differ in other characters.
+    """
     word = re.sub(r"[^A-Za-z0-9_]", "_", name)
-    return word if word[:1].isalpha() else f"A{word}"
+    word = word if word[:1].isalpha() else f"A{word}"
+    return word if word == name else f"{word}_{zlib.crc32(name.encode()):08x}"
 
 
 def _template(name: str) -> Template:
@@ -128,10 +133,18 @@ def _godot_preset(written: ExportedMap) -> str:
     return f'[remap]\n\nimporter="texture"\ntype="CompressedTexture2D"\n\n[params]\n\n{lines}\n'
 
 
+def _of_all_tiles(written: ExportedMap) -> str:
+    """Return the name of a map's file, with MaterialX's word for the number of its tile."""
+    if not written.tile:
+        return written.path.name
+    before, _, after = written.path.name.rpartition(written.tile)
+    return f"{before}<UDIM>{after}"
+
+
 def _material_of(asset: str, maps: Sequence[ExportedMap], convention: str) -> str:
     heights = next((each for each in maps if each.kind == "displacement"), None)
     nodes = openpbr_nodes(
-        {each.kind: each.path.name for each in maps},
+        {each.kind: _of_all_tiles(each) for each in maps},
         convention=convention,
         mid=0.0 if heights is None else heights.mid,
         scale=1.0 if heights is None else heights.scale,
