@@ -78,8 +78,8 @@ def require_known(name: str, value: object, known: Iterable[str]) -> None:
 def require_least(name: str, value: float, least: int = 1) -> None:
     """Raise `OptionError` below the least value of an option, for NaN and for other objects."""
     try:
-        is_enough = value >= least
-    except TypeError:
+        is_enough = bool(value >= least)
+    except (TypeError, ValueError):
         raise OptionError(f"{name}: {quoted(value)} is not a number") from None
     if not is_enough:
         raise OptionError(f"{name}: {value} is too small; it must be at least {least}")

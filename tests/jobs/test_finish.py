@@ -381,6 +381,7 @@ def test_a_model_of_any_size_and_place(scale, offset, ball):
     [
         ({"least_part": -1}, "least_part: -1 is too small"),
         ({"least_part": "x"}, "least_part: 'x' is not a number"),
+        ({"least_part": np.ones(2)}, "least_part: array.* is not a number"),
         ({"sample": 3}, "sample: 3 is not a function"),
     ],
 )
