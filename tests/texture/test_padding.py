@@ -169,3 +169,12 @@ def test_fill_leaves_out_infinite_values():
 def test_padding_copies_integers_of_any_size():
     filled = fill(np.array([[2**64 - 1, 0]], np.uint64), [[1, 0]], padding=1)
     assert filled.tolist() == [[2**64 - 1] * 2]
+
+
+def test_fill_takes_any_order_of_memory():
+    rng = np.random.default_rng(1)
+    planes, mask = rng.random((3, 9, 7)), rng.random((7, 9)).T < 0.4
+    texels = planes.transpose(1, 2, 0)
+    for padding in (None, 2):
+        expected = fill(texels.copy("C"), mask.copy("C"), padding=padding)
+        assert np.array_equal(fill(texels, mask, padding=padding), expected)

@@ -135,8 +135,8 @@ def fill(
     >>> fill([[1.0, 0.0, 0.0, 3.0]], [[1, 0, 0, 1]], padding=1).tolist()
     [[1.0, 1.0, 3.0, 3.0]]
     """
-    values = plain_array(texels, "texels")
-    known = plain_array(mask, "mask") != 0
+    values = np.ascontiguousarray(plain_array(texels, "texels"))
+    known = np.ascontiguousarray(plain_array(mask, "mask")) != 0
     if values.ndim not in (2, 3) or values.size == 0:
         raise OptionError(
             f"texels: their shape is {values.shape}; give numbers (H, W) or (H, W, C)"
