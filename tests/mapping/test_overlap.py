@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.mapping import overlap
-from texbake.mapping.overlap import find_overlaps, overlap_layers
+from texbake.mapping.overlap import find_overlaps, layout_notes, overlap_layers
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 Array = npt.NDArray[np.float64]
@@ -139,3 +140,18 @@ def test_any_size_is_taken(far: float) -> None:
     grid = plane(4, 4).corner_uvs() * far
     assert not find_overlaps(grid).overlapping.any()
     assert find_overlaps(np.concatenate([grid, grid * 0.9])).overlapping.all()
+
+
+def test_simplified_faces_that_leave_the_layout_are_counted() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+
+    def mesh(uvs: np.ndarray) -> Mesh:
+        return Mesh(positions=np.c_[square, np.zeros(4)], faces=faces, uvs=uvs, uv_faces=faces)
+
+    mirrored = square.copy()
+    mirrored[3] = [0.8, 0.2]  # so that the second triangle lies in the first, clockwise
+    (note,) = layout_notes(mesh(mirrored), mesh(square))
+    assert note.startswith("2 of 2 triangles overlap others or are mirrored in the texture")
+    assert layout_notes(mesh(square), mesh(square)) == []
+    assert layout_notes(mesh(mirrored), mesh(mirrored)) == []

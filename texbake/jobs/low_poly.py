@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, counted
+from texbake.mapping.overlap import layout_notes
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import AUTO, CLOSED
@@ -97,6 +98,8 @@ class LowPolyMaker:
             low, n_faces, quality="best", seams="keep", threads=self.threads, progress=self.progress
         )
         check_count(level.n_faces, n_faces, low.name, "request more")
+        notes = (*report.notes, *layout_notes(level, low, threads=self.threads))
+        report = replace(report, notes=notes)
         level = self.rule.after_unwrap(self.rule.before_unwrap(level))
         made = _reaching(level, measured_to(report, self.high, level, threads=self.threads))
         return replace(made, ray_distance=finest.ray_distance)

@@ -50,6 +50,7 @@ class RunLevel:
     mesh: Mesh
     baked: BakeResult
     files: dict[str, Path]  # as those of `RunResult`
+    notes: tuple[str, ...] = ()  # what the user should know about its mesh, one sentence each
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +91,8 @@ class RunResult(Asset):
     def warnings(self) -> list[str]:
         """Return what the user should look at, a sentence each."""
         worse = [] if self.comparison is None else comparison_warnings(self.comparison)
-        return [*worse, *self.missing, *self.notes, *self.baked.report.warnings]
+        notes = [*self.notes, *(note for level in self.levels for note in level.notes)]
+        return [*worse, *self.missing, *notes, *self.baked.report.warnings]
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure, how closely the result matches first."""
@@ -135,7 +137,11 @@ class RunResult(Asset):
             "bake": self.baked.report.to_json(),
             "compare": None if self.comparison is None else self.comparison.to_json(),
             "levels": [
-                {"n_faces": level.mesh.n_faces, "bake": level.baked.report.to_json()}
+                {
+                    "n_faces": level.mesh.n_faces,
+                    "notes": list(level.notes),
+                    "bake": level.baked.report.to_json(),
+                }
                 for level in self.levels
             ],
         }
@@ -289,7 +295,8 @@ def _baked_level(
     chosen = made.aimed(options.bake_options(channels, options.padding))
     baked = bake_objects(high, mesh, chosen, materials=materials, progress=progress)
     write_asset(baked, (high, mesh), materials, files, options, progress)
-    return RunLevel(mesh=mesh, baked=baked, files=files)
+    notes = tuple(f"{mesh.name}: {note}" for note in made.report.notes)
+    return RunLevel(mesh=mesh, baked=baked, files=files, notes=notes)
 
 
 def _compared(

@@ -17,8 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.errors import counted
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -87,6 +88,32 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 
     run_bands(look, len(places), band=_BAND, threads=threads)
     return Overlaps(overlapping=overlapping, unsure=unsure)
+
+
+def layout_notes(level: Mesh, finest: Mesh, *, threads: int | None = None) -> list[str]:
+    """Return a sentence if faces of a simplified mesh overlap or are mirrored in the texture.
+
+    There is none where faces of the mesh that it was made from do so, too.
+    """
+    if level.uvs is None or finest.uvs is None:
+        return []
+    n_folded = _n_folded(level, threads)
+    if not n_folded or _n_folded(finest, threads):
+        return []
+    return [
+        f"{n_folded:,} of {counted(level.n_faces, 'triangle')} overlap others or are mirrored in "
+        "the texture; request more triangles"
+    ]
+
+
+def _n_folded(mesh: Mesh, threads: int | None) -> int:
+    """Count the faces that overlap another in the texture, or are clockwise in it."""
+    assert mesh.uvs is not None and mesh.uv_faces is not None
+    corners = mesh.uvs[mesh.uv_faces]
+    (a, b), (c, d) = (corners[:, 1:] - corners[:, :1]).transpose(1, 2, 0)
+    heights = (a * d - b * c) / np.maximum(pm.hypot(a, b), pm.hypot(c, d)).clip(_DEPTH)
+    found = find_overlaps(corners, threads=threads)
+    return int((found.overlapping | (heights < -_DEPTH)).sum())
 
 
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:

@@ -185,6 +185,7 @@ def _level(
 ) -> JobResult[SimplifyReport]:
     """Write one level of detail."""
     from texbake.jobs.mesh_output import MaterialPartition, write_result
+    from texbake.mapping.overlap import layout_notes
     from texbake.mesh.hard_edges import with_normals
     from texbake.mesh.reduction import object_by_object
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
@@ -217,6 +218,8 @@ def _level(
         check_count(figures.n_faces, count, high.name, remedy)
     if bordered is not None:
         low, materials = bordered.restored(low, high)
+    notes = (*figures.notes, *layout_notes(low, high, threads=threads))
+    figures = replace(figures, notes=notes)
     low = with_normals(low, options.normals, angle=options.angle)
     return write_result(low, output, materials, figures, mtl=mtl)
 
