@@ -18,7 +18,7 @@ class Limits:
 
     triangles: int | None = None
     texture: int = 4096  # texels per side of an image
-    texels_per_meter: float | None = None  # at least, in the most stretched direction
+    texels_per_meter: float | None = None  # at least, on average over the surface
     n_bytes: int | None = None  # of a file with its images
 
 

@@ -267,16 +267,16 @@ def test_the_action_passes_its_inputs(tmp_path, textured):
     used = set(re.findall(r"inputs\.([\w-]+)", json.dumps(steps)))
     assert used == set(action["inputs"])
     (check_step,) = (step for step in steps if step.get("name") == "Check")
-    given = {"path": "*.glb", "profile": "gltf-web", "format": "sarif", "output": "out.sarif"}
+    given = {"path": "**/*.glb", "profile": "gltf-web", "format": "sarif", "output": "out.sarif"}
     values = {name: item.get("default", "") for name, item in action["inputs"].items()} | given
     environment = {key: values[re.search(r"inputs\.([\w-]+)", text)[1]]
                    for key, text in check_step["env"].items()}  # fmt: skip
-    textured(64)
+    path = textured(64).rename(tmp_path / "-a ball.glb")
     done = subprocess.run(
         ["bash", "-e", "-c", check_step["run"]], cwd=tmp_path, env={**os.environ, **environment},
         check=False, capture_output=True, text=True,
     )  # fmt: skip
-    report = check_files(tmp_path / "ball 64.glb", options=WEB)
+    report = check_files(path, options=WEB)
     assert done.returncode == report.fails("error"), done.stderr
     (made,) = json.loads((tmp_path / "out.sarif").read_text())["runs"]
     assert {result["ruleId"] for result in made["results"]} == names(report) != set()
