@@ -45,6 +45,15 @@ def test_the_last_line_says_whether_the_meshes_are_ready(invoke: Invoke, overlap
     invoke(f"check {overlapping} --fail-on never")
 
 
+def test_a_missing_file_is_a_finding_among_others(invoke: Invoke) -> None:
+    words = "check low.obj missing.obj --each --format junit"
+    suites = ElementTree.fromstring(invoke(words, exit_code=1).stdout.encode())
+    assert [suite.get("name") for suite in suites] == ["low.obj", "missing.obj"]
+    (failure,) = suites[1].iter("failure")
+    assert "missing.obj: there is no such file" in str(failure.text)
+    invoke(f"{words} --fail-on never")
+
+
 def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str) -> None:
     found = check_files(overlapping).findings
     short = invoke(f"check {overlapping}", exit_code=1).stdout

@@ -24,7 +24,7 @@ from texbake.checks.pair import (
     opposite_sides,
 )
 from texbake.checks.walls import wall_findings
-from texbake.errors import FileFormatError, MeshError, OptionError
+from texbake.errors import FileError, FileFormatError, MeshError, OptionError
 from texbake.files import PathLike
 from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.files import read_mesh
@@ -165,9 +165,13 @@ def check_files(
     low: PathLike | None = None,
     options: CheckOptions | None = None,
     *,
+    missing: bool = False,
     progress: Progress = None,
 ) -> CheckReport:
-    """Read and check one mesh or two. A file that does not hold a mesh is a finding."""
+    """Read and check one mesh or two. A file that does not hold a mesh is a finding.
+
+    `missing`: so is one that cannot be opened, instead of an error.
+    """
     options = options or CheckOptions()
     paths = [mesh] if low is None else [mesh, low]
     roles = ["low"] if low is None else ["high", "low"]
@@ -176,7 +180,9 @@ def check_files(
     for role, path in zip(roles, paths, strict=True):
         try:
             read[role] = read_mesh(path, progress=progress)
-        except (FileFormatError, MeshError) as error:
+        except (FileError, MeshError) as error:
+            if not (missing or isinstance(error, (FileFormatError, MeshError))):
+                raise
             unreadable.append(make_finding("unreadable", role, 1, message=str(error)))
     if low is None and "low" in read and read["low"].uvs is None:
         read, roles = {"high": read["low"]}, ["high"]

@@ -105,7 +105,9 @@ def check_files(
         if layout is not None or sides is not None:
             raise OptionError("each: pictures show one mesh or one pair; leave one of them out")
         paths = present_paths(mesh, low, *more)
-        found = [read_and_check(path, None, options, progress=progress) for path in paths]
+        found = [
+            read_and_check(path, None, options, missing=True, progress=progress) for path in paths
+        ]
         return JobResult(files=(), report=CheckReports(tuple(found)))
     if more:
         raise OptionError("a pair has two meshes; give `each` to check each mesh by itself")
