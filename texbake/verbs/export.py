@@ -86,7 +86,7 @@ def export_files(
     from texbake.jobs.export.maps import find_maps
     from texbake.mesh.files import read_mesh
 
-    images = dict(named_maps or {}) if maps is None else find_maps(maps, named_maps)
+    images = dict(named_maps or {}) if maps is None else find_maps(maps, named_maps, mesh=mesh)
     meshes = [read_mesh(path, progress=progress) for path in (mesh, *levels)]
     return export_asset(
         meshes[0],

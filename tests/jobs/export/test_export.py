@@ -441,3 +441,11 @@ def test_wrong_input_is_one_clear_line(tmp_path, mesh, maps):
     fail(OptionError, "Blender does not read compressed", {}, compressed)
     fail(OptionError, "levels: a obj file has none", {}, ExportOptions(to="unity"),
          levels=[mesh])  # fmt: skip
+
+
+def test_maps_of_levels_of_detail_are_those_of_the_mesh_that_is_exported(tmp_path):
+    for name in ("a_ao", "a_normal", "a_lod1_ao", "a_lod1_normal", "a_lod12_ao"):
+        write_image(np.zeros((4, 4, 3), np.float32), tmp_path / f"{name}.png", color=False)
+    for mesh, stem in (("a.glb", "a"), ("", "a"), ("x/a_lod1.glb", "a_lod1")):
+        found = {kind: path.name for kind, path in find_maps(tmp_path, mesh=mesh).items()}
+        assert found == {"ao": f"{stem}_ao.png", "normal": f"{stem}_normal.png"}

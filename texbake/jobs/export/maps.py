@@ -44,6 +44,7 @@ KNOWN = tuple(dict.fromkeys((*KINDS, *PACKED, *MAP_NAMES, *_ALIASES)))
 _CLOSE = 0.75
 SUFFIXES = (".exr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff")
 _NUMBER = re.compile(r"^(?P<name>.*?)(?:(?P<mark>[._:])(?P<number>[1-9]\d{2,3}))?$")
+_LEVEL = re.compile(r"_lod([1-9]\d*)(?:_|$)")
 # Numbers after `_` or `.` that are a size in pixels; 1024 is also a UDIM tile.
 _SIZES = ("512", "1024", "2048", "4096", "8192")
 
@@ -140,11 +141,14 @@ def _check_spelling(name: str, kind: str, path: PathLike) -> None:
         )
 
 
-def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> dict[str, PathLike]:
+def find_maps(
+    folder: PathLike, named: Mapping[str, PathLike] | None = None, *, mesh: PathLike = ""
+) -> dict[str, PathLike]:
     """Return the images of a folder that are named after maps, and those that are given.
 
     ``normal.png``, ``rock_normal.png``, ``rock_normal_1002.png`` (a tile) and
-    ``rock_normal_2048.png`` (a size) are normal maps. Other images are left out.
+    ``rock_normal_2048.png`` (a size) are normal maps. Other images are left out, and so are maps of
+    levels of detail, as `run` writes them, but those of the level that `mesh` is named after.
     """
     folder = Path(folder)
     if not is_folder(folder):
@@ -152,6 +156,8 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
     found: dict[str, Path] = {}
     user_kinds = {kind_of(name, named or ()) for name in named or {}}
     images = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
+    level = _level_of(Path(mesh).stem)
+    images = [path for path in images if _level_of(path.stem) == level] or images
     stems = [path.stem for path in images]
     for path in images:
         name, tile = kind_of(path.stem, stems)
@@ -171,6 +177,12 @@ def find_maps(folder: PathLike, named: Mapping[str, PathLike] | None = None) -> 
     if not found and not user_kinds:
         raise OptionError(f"{folder}: no image in it is named after a map, such as normal.png")
     return {**found, **(named or {})}
+
+
+def _level_of(stem: str) -> str:
+    """Return the level of detail in a file's name, such as `1`; empty for the finest."""
+    found = _LEVEL.search(stem)
+    return found[1] if found else ""
 
 
 def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
