@@ -27,6 +27,7 @@ from texbake.jobs.run import RunResult
 from texbake.jobs.run_files import write_mask_map
 from texbake.mapping.options import fitting_padding
 from texbake.mesh.compose import turned_over
+from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.normals import angles_between, face_normals, smooth_normals
 from texbake.mesh.shapes import cube, icosphere
 from texbake.mesh.topology import face_components
@@ -329,13 +330,33 @@ def test_impossible_options_are_refused_before_the_work(options, message) -> Non
 def test_a_preset_names_and_codes_the_files_as_export_does(high: Mesh, tmp_path: Path) -> None:
     options = RunOptions(preset="unreal", maps=("ao",), compare="off", n_faces=200, size=256)
     made = run(high, tmp_path, options)
-    names = "SM_ball.glb T_ball_N.png T_ball_H.png T_ball_AO.png ball_report.json SETTINGS.txt"
-    assert {path.name for path in tmp_path.iterdir()} == {*names.split(), "import_ball.py"}
+    names = "SM_ball.glb T_ball_N.png T_ball_H.png T_ball_AO.png T_ball_ORM.png ball_report.json"
+    others = {"import_ball.py", "SETTINGS.txt"}
+    assert {path.name for path in tmp_path.iterdir()} == {*names.split(), *others}
     assert set(made.files.values()) == set(tmp_path.iterdir())
     normal = read_image(made.files["normal"], color=False)
     assert (normal.bits, normal.metadata[CONVENTION]) == (16, "directx")
     text = made.files["settings"].read_text()
     assert "T_ball_H.png" in text and "SM_ball.glb" in text and "{" not in text
+
+
+@pytest.mark.parametrize("preset", PROGRAMS)
+def test_occlusion_is_in_the_material_of_a_preset(high: Mesh, tmp_path: Path, preset: str) -> None:
+    made = run(high, tmp_path, replace(QUICK, preset=preset, maps=("ao",), levels=(40,)))
+    occlusion = read_image(made.files["ao"], color=False).pixels[..., 0]
+    text = made.files["settings"].read_text()
+    assert "no place of its own" not in text
+    target = PROGRAMS[preset]
+    if target.embeds:
+        for key in ("glb", "lod1_glb"):
+            (material,) = read_document(made.files[key]).content["materials"]
+            assert {"normalTexture", "occlusionTexture"} <= set(material)
+        assert "normal map, occlusion" in text
+        return
+    packed = read_image(made.files["orm"], color=False).pixels
+    channel = 1 if target.packing == "mask-map" else 0
+    assert np.abs(packed[..., channel] - occlusion).max() <= 1 / 255
+    assert made.files["orm"].name in text and made.files["lod1_orm"].is_file()
 
 
 def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(

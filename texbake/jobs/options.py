@@ -163,6 +163,13 @@ class RunOptions(CheckedOptions):
         """All maps but those of materials."""
         return (*_ALWAYS, *(self.maps or ()))
 
+    @property
+    def packs_occlusion(self) -> bool:
+        """Whether occlusion that no material has becomes a channel of a packed map."""
+        target = self.target
+        is_packed = target.packing is not None and not target.embeds
+        return self.preset is not None and is_packed and "ao" in self.own_maps
+
     def _chosen_by_target(self) -> list[tuple[str, Any]]:
         target = self.target
         size = target.size if self.size is None else self.size
@@ -228,6 +235,8 @@ class RunOptions(CheckedOptions):
             names[key] = f"{target.map_stem(asset, key)}.{'exr' if is_float else 'png'}"
         if not has_preset:
             names["glb"] = f"{target.mesh_stem(asset)}.glb"
+        if self.packs_occlusion and not images:
+            images = ("orm",)
         for key in images:
             kind = key.replace("_", "-") if has_preset else key
             kind = (target.packing or kind) if kind == "orm" else kind

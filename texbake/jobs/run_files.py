@@ -84,10 +84,15 @@ def write_asset(
     notes = []
     if materials is not None:
         notes = _write_materials(baked, meshes, materials, files, options)
-    elif "glb" in files:
-        _write_plain(baked, low, files, options)
+    else:
+        if "glb" in files:
+            _write_plain(baked, low, files, options)
+        if options.packs_occlusion:
+            notes = _pack_occlusion(baked, files["orm"], options)
     if "settings" in files:
-        _write_settings(files, written, notes, options)
+        # A material of the model has its own occlusion, or none.
+        apart = () if materials is None else ("ao",)
+        _write_settings(files, written, notes, options, apart)
 
 
 def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
@@ -100,7 +105,25 @@ def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: 
         normal_map = folder / files["normal"].name
         baked.maps["normal"].write(normal_map, bits=8, convention="opengl")
         color = decode_srgb(np.array(options.base_color)).tolist()
-        write_mesh(low, files["glb"], normal_map=normal_map, base_color=color)
+        textures = {"normal_map": normal_map}
+        if options.preset is not None and "ao" in files:
+            textures["orm"] = folder / "orm.png"
+            _pack_occlusion(baked, textures["orm"], options, packing="orm")
+        write_mesh(low, files["glb"], base_color=color, **textures)
+
+
+def _pack_occlusion(
+    baked: BakeResult, path: Path, options: RunOptions, *, packing: str | None = None
+) -> list[str]:
+    """Write the occlusion into its channel of a packed map; return what the others hold."""
+    with scratch_folder() as folder:
+        occlusion = folder / "ao.png"
+        baked.maps["ao"].write(occlusion)
+        exported = _export_options(options)
+        converter = Converter(folder=path.parent, asset=path.stem, options=exported)
+        parts = {"ao": SourceMap("ao", "", occlusion)}
+        converter.write_packed(parts, packing or str(options.target.packing), path)
+    return [f"{path.name}: only occlusion was baked; roughness is 0.5 and metalness 0."]
 
 
 def _write_materials(
@@ -132,7 +155,10 @@ def _write_materials(
     if not options.target.embeds:
         if "glb" in files:
             write_mesh(low, files["glb"])
-        return _notes_of(channels, files)
+        notes = _notes_of(channels, files)
+        if options.packs_occlusion and not image_names(channels):
+            notes += _pack_occlusion(baked, files["orm"], options)
+        return notes
     shared = shared_materials(low, high, materials, channels, asset, threads=threads)
     write_glb(low, files["glb"], materials=shared)
     return []
@@ -171,8 +197,12 @@ def _write_settings(
     written: Mapping[str, WrittenMap],
     notes: list[str],
     options: RunOptions,
+    apart: Sequence[str],
 ) -> None:
-    """Write the settings for the program of the preset, and the files that import the asset."""
+    """Write the settings for the program of the preset, and the files that import the asset.
+
+    Maps of `apart` are not in the material.
+    """
     maps = []
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}
@@ -182,7 +212,8 @@ def _write_settings(
         flips = (
             name in ("normal", "bent-normal") and options.convention != options.target.convention
         )
-        maps.append(ExportedMap(kind=name, tile="", path=files[name], flips=flips, **heights))
+        kind = f"baked-{name}" if name in apart else name
+        maps.append(ExportedMap(kind=kind, tile="", path=files[name], flips=flips, **heights))
     packing = options.target.packing
     for name in ("base_color", "orm", "emissive"):
         if name in files:

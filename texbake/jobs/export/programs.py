@@ -139,6 +139,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "(height - {mid:.6g}) * {cm:.6g} cm.",
         "orm": "{file}: Compression Settings Masks (no sRGB), sRGB off. R -> Ambient Occlusion, "
         "G -> Roughness, B -> Metallic.",
+        "ao": "{file}: Masks, sRGB off; the red channel of the ORM map has it already.",
         "base-color": "{file}: sRGB on -> Base Color.",
         "emissive": "{file}: sRGB on -> Emissive Color.",
         "opacity": "{file}: Masks, sRGB off -> Opacity Mask; Blend Mode Masked.",
@@ -159,6 +160,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "Vertex or Pixel, Parametrization Amplitude, Base {mid:.6g}, Amplitude {cm:.6g} (cm).",
         "mask-map": "{file}: sRGB off. HDRP: Mask Map. URP: Metallic Map with Source Metallic "
         "Alpha and Smoothness 1, and the same file as Occlusion Map (its green channel).",
+        "ao": "{file}: sRGB off; the green channel of the mask map has it already.",
         "base-color": "{file}: sRGB on -> Base Map.",
         "emissive": "{file}: sRGB on -> Emission.",
         "opacity": "{file}: put it into the alpha channel of the base map, and set Alpha Clipping.",
@@ -177,6 +179,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "orm": "{file}: ORMMaterial3D > ORM > Texture.",
         "displacement": "{file}: for parallax only. Height > Enabled, Scale {cm:.6g} (cm from "
         "black to white), Flip Texture off, Deep Parallax on. Level {mid:.6g} is the surface.",
+        "ao": "{file}: {held}Ambient Occlusion > Texture, Channel Red.",
         "base-color": "{file}: Albedo > Texture.",
         "emissive": "{file}: Emission Enabled > Texture.",
         "opacity": "{file}: put it into the alpha of the albedo, Transparency Alpha Scissor.",
@@ -193,6 +196,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "displacement": "{file}: flipY = {flip}, NoColorSpace; material.displacementMap, "
         "displacementScale = {m:.9g}, displacementBias = {bias:.9g}. Browsers keep 8 bits of it; "
         "it moves vertices alone, so give the mesh enough of them.",
+        "ao": "{file}: {held}flipY = {flip}, NoColorSpace; aoMap.",
         "base-color": "{file}: {held}flipY = {flip}, SRGBColorSpace; map.",
         "emissive": "{file}: {held}flipY = {flip}, SRGBColorSpace; emissiveMap, emissive white.",
         "opacity": "{file}: flipY = {flip}, NoColorSpace; material.alphaMap, alphaTest 0.5.",
@@ -204,6 +208,7 @@ _STEPS: dict[str, dict[str, str]] = {
         "obj": "{file}: viewers of glTF do not read OBJ; export again as glb.",
         "normal": "{file}: {held}normalTexture, scale 1. Green is {y}; glTF needs +Y.",
         "orm": "{file}: {held}metallicRoughnessTexture and occlusionTexture, factors 1.",
+        "ao": "{file}: {held}occlusionTexture, strength 1.",
         "base-color": "{file}: {held}baseColorTexture.",
         "emissive": "{file}: {held}emissiveTexture, emissiveFactor 1.",
         "displacement": "{file}: glTF has no displacement; the normal map shows the detail. White "
