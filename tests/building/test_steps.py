@@ -149,6 +149,14 @@ def test_a_run_publishes_the_materials_of_a_mesh(do, red, preset):
         do("run", {**given, "preset": "godot", "images": ("orm",)}, high=red)
 
 
+def test_occlusion_is_packed_beside_a_plain_material(do, ball):
+    ball.with_suffix(".mtl").write_text("newmtl a\nKd 1 1 1\nPr 1\n")
+    ball.write_text("mtllib ball.mtl\nusemtl a\n" + ball.read_text())
+    given = {"faces": 100, "size": 32, "preset": "unreal", "compare": "off", "maps": ("ao",)}
+    files, _ = do("run", given, high=ball)
+    assert files["orm"].exists() and files["ao"].exists()
+
+
 def test_maps_in_several_formats(do, ball):
     given = {
         "maps": ("normal", "displacement"), "format": {"displacement": "exr"}, "size": 32,

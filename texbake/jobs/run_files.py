@@ -19,6 +19,7 @@ from texbake.jobs.export.programs import (
     write_settings,
 )
 from texbake.jobs.material_transfer import (
+    channels_of_images,
     encoded_channels,
     image_names,
     image_of,
@@ -140,12 +141,13 @@ def _write_materials(
     high, low = meshes
     asset, threads = Path(high.name).stem, options.threads
     # A program that reads no material from the mesh file takes every value from an image.
-    whole = () if options.target.embeds else files
+    images = image_names(channels_of_images(materials, embeds=options.target.embeds))
+    whole = () if options.target.embeds else images
     channels = encoded_channels(baked.maps, materials, asset, threads=threads, whole=whole)
-    for name in image_names(channels):
+    for name in images:
         image = image_of(name, channels)
         if image is None:  # one value everywhere, which becomes a factor
-            files.pop(name, None)
+            files.pop(name)
             continue
         if name == "orm" and options.target.packing == "mask-map":
             write_mask_map(image.data, files[name], options)
@@ -156,7 +158,7 @@ def _write_materials(
         if "glb" in files:
             write_mesh(low, files["glb"])
         notes = _notes_of(channels, files)
-        if options.packs_occlusion and not image_names(channels):
+        if options.packs_occlusion and not images:
             notes += _pack_occlusion(baked, files["orm"], options)
         return notes
     shared = shared_materials(low, high, materials, channels, asset, threads=threads)
