@@ -1,6 +1,7 @@
 """`run`: the files that it writes to its folder, and those that it leaves alone."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -357,6 +358,24 @@ def test_occlusion_is_in_the_material_of_a_preset(high: Mesh, tmp_path: Path, pr
     channel = 1 if target.packing == "mask-map" else 0
     assert np.abs(packed[..., channel] - occlusion).max() <= 1 / 255
     assert made.files["orm"].name in text and made.files["lod1_orm"].is_file()
+
+
+def test_levels_of_a_preset_have_import_files_of_their_own(high: Mesh, tmp_path: Path) -> None:
+    imports = {
+        "unreal": ["import_ball_lod1.py"], "unity": ["Editor/ball_lod1Import.cs"],
+        "godot": ["ball_lod1_normal.png.import", "ball_lod1_height.png.import"], "blender": [],
+    }  # fmt: skip
+    for preset, expected in imports.items():
+        folder = tmp_path / preset
+        made = run(high, folder, replace(QUICK, preset=preset, levels=(40,)))
+        found = [path for key, path in made.files.items() if key.startswith("lod1_import")]
+        assert found == [folder / name for name in expected]
+        main = made.files.get("lod1_glb") or made.files["lod1_mesh"]
+        text = made.files["settings"].read_text()
+        assert f"{main.name}: the level of detail of 40 triangles" in text
+        if preset in ("unreal", "unity"):
+            script = found[0].read_text()
+            assert {main.name, made.files["lod1_normal"].name} <= set(re.findall(r"[\w.]+", script))
 
 
 def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(

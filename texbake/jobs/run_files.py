@@ -90,7 +90,7 @@ def write_asset(
             _write_plain(baked, low, files, options)
         if options.packs_occlusion:
             notes = _pack_occlusion(baked, files["orm"], options)
-    if "settings" in files:
+    if options.preset is not None:
         # A material of the model has its own occlusion, or none.
         apart = () if materials is None else ("ao",)
         _write_settings(files, written, notes, options, apart)
@@ -201,7 +201,7 @@ def _write_settings(
     options: RunOptions,
     apart: Sequence[str],
 ) -> None:
-    """Write the settings for the program of the preset, and the files that import the asset.
+    """Write the files that import an asset or a level, and the settings that name all levels.
 
     Maps of `apart` are not in the material.
     """
@@ -222,11 +222,20 @@ def _write_settings(
             kind = (packing or name) if name == "orm" else name.replace("_", "-")
             maps.append(ExportedMap(kind=kind, tile="", path=files[name]))
     mesh_file = files.get("glb") or files["mesh"]
-    asset = files["report"].name.removesuffix("_report.json")
-    folder, exported = files["settings"].parent, replace(_export_options(options), name=asset)
+    asset = mesh_file.stem.removeprefix(options.target.mesh_name.removesuffix("{asset}"))
+    folder, exported = mesh_file.parent, replace(_export_options(options), name=asset)
     imports = write_imports(folder, exported, mesh_file, maps)
     if options.convention != options.target.convention:
         notes.append(f"{files['normal'].name}: green is {options.convention}, as you chose it.")
-    write_settings(folder, exported, mesh_file, maps, imports, notes=notes)
     for number, path in enumerate(imports):
         files[f"import{number or ''}"] = path
+    if "settings" not in files:
+        return
+    own = "maps and import files" if imports else "maps"
+    for number, n_faces in enumerate(options.levels or (), 1):
+        name = options.target.mesh_stem(f"{asset}_lod{number}") + mesh_file.suffix
+        notes.append(
+            f"{name}: the level of detail of {n_faces:,} triangles. Set it up as the finest; it "
+            f"has its own {own}, with lod{number} in their names."
+        )
+    write_settings(folder, exported, mesh_file, maps, imports, notes=notes)
