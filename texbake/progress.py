@@ -17,7 +17,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Protocol, TextIO, runtime_checkable
 
-from texbake.errors import CancelledError
+from texbake.errors import CancelledError, OptionError, quoted
 from texbake.records import dataclass
 
 
@@ -121,7 +121,11 @@ def _sink_of(progress: Progress) -> ProgressSink | None:
         return ProgressBar()
     if not progress:
         return None
-    return progress if isinstance(progress, ProgressSink) else _Caller(progress)
+    if isinstance(progress, ProgressSink):
+        return progress
+    if not callable(progress):
+        raise OptionError(f"progress: {quoted(progress)} is not a function, True or None")
+    return _Caller(progress)
 
 
 @dataclass(frozen=True)

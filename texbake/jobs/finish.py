@@ -10,7 +10,8 @@ photographs fill the texels.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -173,6 +174,7 @@ def finish(
     """
     if output is not None:
         _check_output(output)
+    _check_names(changes)
     if options is None:
         chosen = RunOptions(**{"n_faces": _N_FACES, **changes})
     elif "preset" in changes:
@@ -232,6 +234,16 @@ def _without_bits(
     n_small = counted(int(small.sum()), "part")
     note = f"left out {n_small} with {100.0 * left_out:.2g} % of the area; least_part 0 keeps them"
     return mesh.replace(**face_fields(mesh, ~small[parts])), (f"{mesh.name}: {note}",)
+
+
+def _check_names(changes: Mapping[str, Any]) -> None:
+    """Check that changes name options of a run, and suggest a name for a slip."""
+    known = [item.name for item in fields(RunOptions)]
+    for name in changes:
+        if name not in known:
+            close = get_close_matches(name, known, n=1)
+            remedy = f"did you mean {close[0]}?" if close else "see RunOptions for their names"
+            raise OptionError(f"{name}: there is no such option; {remedy}")
 
 
 def _check_output(path: PathLike) -> None:

@@ -140,6 +140,8 @@ class RunOptions(CheckedOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if isinstance(self.maps, str):
+            raise OptionError(f'maps: {self.maps} is one name; give a tuple, such as ("ao",)')
         for name, value in self._chosen_by_target():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value)
