@@ -12,7 +12,7 @@ from texbake.errors import OptionError
 # Inputs that each kind must be given.
 GIVEN = {
     "make": {"shape": "sphere"}, "simplify": {"faces": 9}, "export": {"to": "unity"},
-    "pack-channels": {"red": "occlusion"},
+    "pack-channels": {"red": "occlusion"}, "run": {"faces": 9},
 }  # fmt: skip
 
 
