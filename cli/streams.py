@@ -75,7 +75,8 @@ def _check_streams(values: Mapping[str, Any], reads: list[Reads], writes: list[W
     """Raise `OptionError` unless the one mesh of a command, or its output, is a stream."""
     if len(reads) > 1:
         raise OptionError("two meshes cannot both come from standard input; name a file for one")
-    for part in (*reads, *writes):
+    parts: list[Reads | Writes] = [*reads, *writes]
+    for part in parts:
         format_name = "from_format" if isinstance(part, Reads) else "to_format"
         if part.kind != "mesh" or format_name not in values:
             raise OptionError(f"{part.name}: - is not possible here; name a file")
