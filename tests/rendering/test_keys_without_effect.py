@@ -136,7 +136,7 @@ VALUES: dict[str, str] = {
     "filter": '"ewa"', "filter_radius": "2", "filtered": "false", "fit": '"pca"', "flip": '"s"',
     "follows_camera": "true", "form": '"emboss"', "fov": "40", "fresnel": "true", "gate": '"round"',
     "gloss": IMAGE, "ground": "[0.1, 0, 0]", "height": "0", "image": IMAGE, "intensity": "0",
-    "ior": "1.4", "keep": "true", "kind": '"spot"', "layers": "8",
+    "ior": "1.4", "keep": "true", "keep_seams": "true", "kind": '"spot"', "layers": "8",
     "light_map": IMAGE, "light_space": '"object"', "lighting": "false", "linear":
     "[2, 0, 0, 0, 2, 0]", "mapping": '"atlas"', "material": f"{{base_color = {IMAGE}}}",
     "matrix": MOVE, "max_stretch": "1.5", "metalness": IMAGE,
