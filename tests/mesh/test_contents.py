@@ -7,7 +7,7 @@ import pytest
 from tests.fbx_writer import binary, properties, rich_scene, scene
 from tests.mesh.test_usd import TWO_QUADS
 from tests.mesh.test_usd_materials import RGB, material_of
-from texbake.mesh.files.contents import read_contents
+from texbake.mesh.files.contents import model_bytes, read_contents
 
 
 def test_gltf(tmp_path):
@@ -102,6 +102,15 @@ def test_fbx(tmp_path):
     (image,) = found.images
     assert channels["blue"]["base-color"] == image
     assert found.images[image] == b"picture"
+    size = (tmp_path / "a.fbx").stat().st_size
+    assert model_bytes(tmp_path / "a.fbx", [b"picture", b"beside it", None]) == size + 9
+
+
+@pytest.mark.parametrize(("suffix", "more"), [(".usdz", 0), (".glb", 0), (".usdc", 7), (".obj", 7)])
+def test_images_count_once(tmp_path, suffix, more):
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(b"mesh")
+    assert model_bytes(path, [b"picture", None]) == 4 + more
 
 
 @pytest.mark.parametrize("version", [6100, 7400])

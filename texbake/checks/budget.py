@@ -33,20 +33,14 @@ class AssetFile:
     @classmethod
     def of(cls, path: PathLike) -> AssetFile:
         """Measure a file; it has been read as a mesh before."""
-        from texbake.mesh.files.contents import read_contents
-        from texbake.mesh.files.gltf_document import bytes_beside, read_document
+        from texbake.mesh.files.contents import model_bytes, read_contents
 
-        n_bytes, suffix = Path(path).stat().st_size, Path(path).suffix.lower()
         try:
             contents = read_contents(path)
         except TexbakeError:  # a damaged material is no problem of the mesh
             contents = None
         if contents is None:
-            return cls(n_bytes=n_bytes)
-        if suffix == ".gltf":
-            n_bytes += bytes_beside(read_document(path))
-        elif suffix not in (".glb", ".usdz", ".fbx"):  # the others refer to them
-            n_bytes += sum(len(data) for data in contents.images.values() if data is not None)
+            return cls(n_bytes=Path(path).stat().st_size)
         images, unread = {}, []
         for name, data in contents.images.items():
             try:
@@ -57,9 +51,11 @@ class AssetFile:
             except FileFormatError as error:
                 unread.append(str(error))
         return cls(
-            n_bytes=n_bytes, images=images, unread=tuple(unread),
+            n_bytes=model_bytes(path, contents.images.values()),
+            images=images,
+            unread=tuple(unread),
             meters_per_unit=contents.meters_per_unit or 1.0,
-        )  # fmt: skip
+        )
 
 
 def budget_findings(checked: CheckedMesh, file: AssetFile | None) -> list[Finding | None]:

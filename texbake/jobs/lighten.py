@@ -5,6 +5,7 @@ model ─ simplify ─ unwrap ─► bake every channel ─► one GLB file
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,6 @@ from texbake.jobs.material_transfer import (
     compared_without,
     encoded_channels,
     left_out,
-    model_bytes,
     shared_materials,
     texture_size,
     transferred_channels,
@@ -32,6 +32,7 @@ from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.files import read_mesh
+from texbake.mesh.files.contents import model_bytes
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.hard_edges import LowNormals
@@ -179,7 +180,7 @@ def lighten(
     figures = LightenReport(
         n_faces_before=source.n_faces,
         n_faces=light_model.mesh.n_faces,
-        n_bytes_before=model_bytes(model, materials),
+        n_bytes_before=model_bytes(model, _images(materials)),
         n_bytes=written_file(output).stat().st_size,
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
@@ -197,6 +198,12 @@ def lighten(
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done
+
+
+def _images(materials: Materials) -> Iterable[bytes]:
+    """Return the contents of the images of materials, each once."""
+    channels = (source for each in materials.materials for source in each.channels.values())
+    return {found.image.name: found.image.data for found in channels if found.image}.values()
 
 
 def _once(lines: list[str], comparison: ModelComparison | None) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,6 @@ import numpy.typing as npt
 from texbake.baking.result import BakedMap
 from texbake.errors import first_few
 from texbake.files import PathLike
-from texbake.mesh.files.gltf_document import bytes_beside, read_document
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
@@ -83,11 +81,13 @@ def image_of(name: str, channels: Mapping[str, ChannelSource]) -> ChannelImage |
     return next((source.image for source in found if source and source.image), None)
 
 
-def transferred_channels(materials: Materials) -> tuple[str, ...]:
+def transferred_channels(materials: Materials | None) -> tuple[str, ...]:
     """Return the channels that materials set, and that differ over the mesh or have images.
 
     The normal is not among them: normal maps are part of the baked normals.
     """
+    if materials is None:
+        return ()
     return tuple(
         name
         for name in _set_channels(materials)
@@ -337,20 +337,3 @@ def texture_size(materials: Materials | None, least: int, most: int) -> int:
     while size < side and size < most:
         size *= 2
     return size
-
-
-def model_bytes(model: PathLike, materials: Materials) -> int:
-    """Return the bytes of a model file with its buffers and images."""
-    path = Path(model)
-    total = path.stat().st_size
-    if path.suffix.lower() == ".glb":
-        return total
-    if path.suffix.lower() == ".gltf":
-        return total + bytes_beside(read_document(path))
-    images = {
-        source.image.name: len(source.image.data)
-        for material in materials.materials
-        for source in material.channels.values()
-        if source.image is not None
-    }
-    return total + sum(images.values())

@@ -255,8 +255,8 @@ def make_asset(
         low = rule.after_unwrap(low)
     with stages.part("levels") if options.levels else nullcontext():
         coarser = [maker.make_level(low, low_poly, n_faces) for n_faces in options.levels or ()]
-    channels = () if materials is None else transferred_channels(materials)
     with stages.part("bake"):
+        channels = transferred_channels(materials)
         chosen = low_poly.aimed(options.bake_options(channels, unwrapped.options.padding))
         baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
         if low_poly.ray_distance is None:  # otherwise they miss what fills the tunnels
@@ -291,7 +291,7 @@ def _baked_level(
 ) -> RunLevel:
     """Bake the maps of a coarser level, and write it."""
     mesh = made.mesh.replace(name=mesh_name(files))
-    channels = () if materials is None else transferred_channels(materials)
+    channels = transferred_channels(materials)
     chosen = made.aimed(options.bake_options(channels, options.padding))
     baked = bake_objects(high, mesh, chosen, materials=materials, progress=progress)
     write_asset(baked, (high, mesh), materials, files, options, progress)

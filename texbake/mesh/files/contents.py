@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -72,6 +72,22 @@ def read_contents(path: PathLike) -> FileContents | None:
         contents: FileContents = read_in_child(path, "contents", _CLASSES)
         return contents
     return _of_obj(Path(path)) if suffix == ".obj" else None
+
+
+def model_bytes(path: PathLike, images: Iterable[bytes | None]) -> int:
+    """Return the bytes of a model file with its buffers and images.
+
+    `images` are the contents of its image files, of which it may contain some.
+    """
+    total, suffix = Path(path).stat().st_size, Path(path).suffix.lower()
+    if suffix in (".glb", ".usdz"):
+        return total
+    if suffix == ".gltf":
+        from texbake.mesh.files.gltf_document import bytes_beside, read_document
+
+        return total + bytes_beside(read_document(path))
+    content = read_bytes(path) if suffix == ".fbx" else b""
+    return total + sum(len(image) for image in images if image and image not in content)
 
 
 def _of_gltf(document: Document) -> FileContents:
