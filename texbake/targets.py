@@ -132,7 +132,3 @@ OWN_FILES = Target(
     normal_bits=16, heights="float",
 )  # fmt: skip
 SETTINGS = "SETTINGS.txt"
-PRESET_HELP = (
-    "Choose size, padding, green channel, bits, names and formats as this program expects them; "
-    "options that you give take precedence."
-)

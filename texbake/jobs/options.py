@@ -28,7 +28,7 @@ from texbake.mesh.options import (
 from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions, Rgb, ViewAngles
 from texbake.schema import THREADS_OPTION, CheckedOptions, Size, option, option_of
-from texbake.targets import OWN_FILES, PRESET_HELP, PROGRAMS, SETTINGS, Target
+from texbake.targets import OWN_FILES, PROGRAMS, SETTINGS, Target
 
 Value = TypeVar("Value")
 DEMO_FOLDER = "texbake_demo"
@@ -81,7 +81,13 @@ class RunOptions(CheckedOptions):
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
     angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
-    preset: str | None = option(None, PRESET_HELP, choices=tuple(PROGRAMS), default="none")
+    preset: str | None = option(
+        None,
+        "Choose size, padding, green channel, bits, names and formats as this program expects "
+        "them; options that you give take precedence.",
+        choices=tuple(PROGRAMS),
+        default="none",
+    )
     maps: tuple[str, ...] | None = option(
         None,
         "More maps to bake, besides normal, displacement and material maps.",

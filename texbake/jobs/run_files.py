@@ -120,10 +120,7 @@ def _pack_occlusion(
     with scratch_folder() as folder:
         occlusion = folder / "ao.png"
         baked.maps["ao"].write(occlusion)
-        exported = _export_options(options)
-        converter = Converter(folder=path.parent, asset=path.stem, options=exported)
-        parts = {"ao": SourceMap("ao", "", occlusion)}
-        converter.write_packed(parts, packing or str(options.target.packing), path)
+        _write_packed({"ao": SourceMap("ao", "", occlusion)}, path, options, packing)
     return [f"{path.name}: only occlusion was baked; roughness is 0.5 and metalness 0."]
 
 
@@ -184,9 +181,15 @@ def write_mask_map(orm: bytes, path: Path, options: RunOptions) -> None:
         parts = {
             kind: SourceMap(kind, "", image, channel) for channel, kind in enumerate(PACKED["orm"])
         }
-        exported = _export_options(options)
-        converter = Converter(folder=folder, asset=path.stem, options=exported)
-        converter.write_packed(parts, str(options.target.packing), path)
+        _write_packed(parts, path, options)
+
+
+def _write_packed(
+    parts: Mapping[str, SourceMap], path: Path, options: RunOptions, packing: str | None = None
+) -> None:
+    """Write maps as the channels of one image, as the program packs them."""
+    converter = Converter(folder=path.parent, asset=path.stem, options=_export_options(options))
+    converter.write_packed(parts, packing or str(options.target.packing), path)
 
 
 def _export_options(options: RunOptions) -> ExportOptions:

@@ -241,23 +241,6 @@ def write_settings(
 
     `imports` are the files that do it, as `write_imports` returns them.
     """
-    path = folder / SETTINGS
-    with replacing(path) as temporary:
-        text = settings_text(options, mesh_file, maps, imports, n_levels=n_levels, notes=notes)
-        temporary.write_text(text, encoding="utf-8")
-    return path
-
-
-def settings_text(
-    options: ExportOptions,
-    mesh_file: Path,
-    maps: Sequence[ExportedMap],
-    imports: Sequence[Path],
-    *,
-    n_levels: int,
-    notes: Sequence[str],
-) -> str:
-    """Return the settings to make in the program, as plain text."""
     target, steps = PROGRAMS[options.to], _STEPS[options.to]
     flips = any(written.flips for written in maps)
     is_up = (target.convention == "opengl") != flips
@@ -294,7 +277,11 @@ def settings_text(
         lines.append(f"  UDIM: {steps['tiles']}")
     if notes:
         lines += ["", "Notes", *(f"  {note}" for note in notes)]
-    return "".join(f"{_wrapped(line)}\n" for line in lines)
+    path = folder / SETTINGS
+    with replacing(path) as temporary:
+        text = "".join(f"{_wrapped(line)}\n" for line in lines)
+        temporary.write_text(text, encoding="utf-8")
+    return path
 
 
 def _wrapped(line: str) -> str:
