@@ -41,11 +41,11 @@ def standard_streams(verb: Verb, values: Mapping[str, Any]) -> Iterator[dict[str
         for kind in (Reads, Writes)
     )
     if not (reads or writes):
-        _check_used(values, "from_format", "to_format")
+        _check_used(values, *_FORMATS)
         yield dict(values)
         return
     _check_streams(values, reads, writes)
-    chosen = {**values} | {name: None for name in _FORMATS if name in values}
+    chosen = dict(values) | {name: None for name in _FORMATS if name in values}
     with scratch_folder() as folder:
         click.get_current_context().meta[STREAMS] = f"{folder}/"
         if reads:

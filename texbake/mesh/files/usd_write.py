@@ -301,9 +301,8 @@ _SLOTS = {
 }
 
 
-# Kinds of maps of the textures, types of MaterialX as USD has them, and definitions of its nodes
-# whose names do not follow from their category and type.
-_KINDS = {"normal": "normal", "base_color": "base-color", "orm": "orm", "emissive": "emissive"}
+# Types of MaterialX as USD has them, and definitions of its nodes whose names do not follow from
+# their category and type.
 _TYPES = {
     "color3": "Color3f", "vector3": "Float3", "float": "Float", "integer": "Int",
     "filename": "Asset", "surfaceshader": "Token",
@@ -321,7 +320,7 @@ def _add_openpbr(stage: Any, textures: Mapping[str, str]) -> None:
     place.CreateInput("geomprop", types.String).Set("st")
     coordinates = place.CreateOutput("out", types.Float2)
     outputs: dict[str, Any] = {}
-    *nodes, _ = openpbr_nodes({_KINDS[slot]: file for slot, file in textures.items()})
+    *nodes, _ = openpbr_nodes({slot.replace("_", "-"): file for slot, file in textures.items()})
     for node in nodes:
         shader = UsdShade.Shader.Define(stage, Sdf.Path(f"{above}_{node.name}"))
         shader.CreateIdAttr(_DEFINITIONS.get(node.category, f"ND_{node.category}_{node.type}"))
