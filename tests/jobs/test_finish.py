@@ -383,6 +383,10 @@ def test_a_model_of_any_size_and_place(scale, offset, ball):
         ({"least_part": "x"}, "least_part: 'x' is not a number"),
         ({"least_part": np.ones(2)}, "least_part: array.* is not a number"),
         ({"sample": 3}, "sample: 3 is not a function"),
+        ({"n_facess": 3}, r"n_facess: there is no such option; did you mean n_faces\?"),
+        ({"zzz": 3}, "zzz: there is no such option; see RunOptions"),
+        ({"progress": 3}, "progress: 3 is not a function, True or None"),
+        ({"maps": "ao"}, "maps: ao is one name; give a tuple"),
     ],
 )
 def test_wrong_arguments_are_one_clear_error(options, message, ball):
@@ -447,17 +451,3 @@ def test_kernels_run_without_the_gil():
         n += 1
     thread.join()
     assert n > 20  # with the GIL, it would be a few
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"n_facess": 3}, r"n_facess: there is no such option; did you mean n_faces\?"),
-        ({"zzz": 3}, "zzz: there is no such option; see RunOptions"),
-        ({"progress": 3}, "progress: 3 is not a function, True or None"),
-        ({"maps": "ao"}, "maps: ao is one name; give a tuple"),
-    ],
-)
-def test_wrong_arguments_are_named(ball, changes, message):
-    with pytest.raises(OptionError, match=message):
-        finish(*ball, **changes)

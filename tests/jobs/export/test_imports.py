@@ -200,6 +200,14 @@ def test_materialx_names_all_tiles(tmp_path, library):
     assert files == ["rock_normal.<UDIM>.png"]
 
 
-def test_a_material_without_maps_is_valid(tmp_path, library):
+def test_a_material_without_maps_has_the_defaults_of_openpbr(tmp_path, library):
     (tmp_path / "a.mtlx").write_text(materialx_document(openpbr_nodes({}), "a"))
-    read_materialx(tmp_path / "a.mtlx", library)
+    document = read_materialx(tmp_path / "a.mtlx", library)
+    (material,) = document.getMaterialNodes()
+    (surface,) = mx.getShaderNodes(material)
+    assert len(document.getNodes()) == 2 and surface.getCategory() == "open_pbr_surface"
+    assert not surface.getInputs() and material.getName() == "a_material"
+    defaults = surface.getNodeDef()
+    names = "base_metalness", "emission_luminance"
+    assert [defaults.getInputValue(name) for name in names] == [0.0, 0.0]
+    assert tuple(defaults.getInputValue("base_color")) == pytest.approx((0.8,) * 3)
