@@ -2,6 +2,8 @@
 
 import ctypes
 import re
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -260,3 +262,27 @@ def test_wrong_arrays_are_refused(name):
             with pytest.raises((TypeError, ValueError), match=f"^{name}: "):
                 function(*arguments)
                 pytest.fail(f"{array.name}: {what}")
+
+
+def test_kernels_run_without_the_gil():
+    """Another thread runs while a kernel works for about half a second."""
+    side = 1400
+    charts = np.full((side, side), -1, np.int32)
+    nearest, other = np.zeros((2, side, side), np.int16)
+    indices, meeting = np.zeros((side, side), np.int32), np.zeros(side, np.int64)
+    core.search_columns(charts, side, nearest, other, indices, 0, side)
+    begun = threading.Event()
+
+    def work():
+        begun.set()
+        core.search_rows(charts, side, nearest, other, indices, meeting, 0, side)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    begun.wait()
+    n = 0
+    while thread.is_alive():
+        time.sleep(0.001)
+        n += 1
+    thread.join()
+    assert n > 20  # with the GIL, it would be a few

@@ -1,14 +1,12 @@
 """`finish`: what it takes, what it asks a function for, and how it ends early."""
 
 import threading
-import time
 
 import numpy as np
 import pytest
 
 import texbake
 from texbake import RunOptions, TexbakeError, finish
-from texbake.core import core
 from texbake.errors import CancelledError, MeshError, OptionError
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.topology import face_components, find_edges
@@ -427,27 +425,3 @@ def test_many_separate_parts_finish_although_the_number_is_not_reached():
     vertices = (part.positions[None] + places[:, None]).reshape(-1, 3)
     faces = (part.faces[None] + part.n_vertices * np.arange(125)[:, None, None]).reshape(-1, 3)
     assert finish(vertices, faces, n_faces=100, size=256).mesh.n_faces > 0
-
-
-def test_kernels_run_without_the_gil():
-    """Another thread runs while a kernel works for about half a second."""
-    side = 1400
-    charts = np.full((side, side), -1, np.int32)
-    nearest, other = np.zeros((2, side, side), np.int16)
-    indices, meeting = np.zeros((side, side), np.int32), np.zeros(side, np.int64)
-    core.search_columns(charts, side, nearest, other, indices, 0, side)
-    begun = threading.Event()
-
-    def work():
-        begun.set()
-        core.search_rows(charts, side, nearest, other, indices, meeting, 0, side)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    begun.wait()
-    n = 0
-    while thread.is_alive():
-        time.sleep(0.001)
-        n += 1
-    thread.join()
-    assert n > 20  # with the GIL, it would be a few
