@@ -21,7 +21,7 @@ from texbake.mesh.frame import UnitGrid
 from texbake.mesh.interchange import plain_array
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import edge_keys
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows, weld_rows
 
 # Cells along the longest side of the mesh; a point of a file is a vertex in the same cell.
 _CELLS = 2.0**20
@@ -38,14 +38,19 @@ def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False)
         return marked
     pairs = _checked(edges, mesh)
     places = weld_rows(mesh.positions)
-    corners = places[mesh.faces]
-    keys = edge_keys(corners, np.roll(corners, -1, axis=1))
+    keys = _keys(mesh, places)
     wanted = edge_keys(*places[pairs].T)
     missing = np.flatnonzero(~np.isin(wanted, keys))
     if len(missing):
         one, other = pairs[missing[0]]
         raise OptionError(f"seams: {mesh.name} has no edge between its vertices {one} and {other}")
     return marked | np.isin(keys, wanted)
+
+
+def _keys(mesh: Mesh, places: IntArray) -> npt.NDArray[np.int64]:
+    """(F, 3) int64: `edge_keys` of the edges from each corner to the next."""
+    corners = places[mesh.faces]
+    return edge_keys(corners, np.roll(corners, -1, axis=1))
 
 
 def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
@@ -74,25 +79,24 @@ def read_seams(path: PathLike, mesh: Mesh) -> npt.NDArray[np.int64]:
     points, lines = _read_lines(path)
     vertices = _vertices_at(path, points, mesh)
     places = weld_rows(mesh.positions)
-    graph: _EdgeGraph | None = None
-    corners = places[mesh.faces]
-    edges = set(edge_keys(corners, np.roll(corners, -1, axis=1)).ravel().tolist())
-    found = []
-    for number, ends in lines:
-        way = places[vertices[ends]].tolist()
-        for start, end in pairwise(way):
-            if start == end:
-                continue
-            if int(edge_keys(np.array(start), np.array(end))) in edges:
-                found.append((start, end))
-                continue
-            graph = graph or _EdgeGraph(mesh, places)
-            steps = graph.shortest_way(start, end)
-            if steps is None:
-                raise FileFormatError(
-                    f"{path}: line {number}: no edges of {mesh.name} join two of its points"
-                )
-            found += steps
+    wanted = [
+        (number, *pair)
+        for number, ends in lines
+        for pair in pairwise(places[vertices[ends]].tolist())
+        if pair[0] != pair[1]
+    ]
+    rows = np.array(wanted, dtype=np.int64).reshape(-1, 3)
+    is_edge = np.isin(edge_keys(rows[:, 1], rows[:, 2]), _keys(mesh, places))
+    found = rows[is_edge, 1:].tolist()
+    graph = None if is_edge.all() else _EdgeGraph(mesh, places)
+    for number, start, end in rows[~is_edge].tolist():
+        assert graph is not None
+        steps = graph.shortest_way(start, end)
+        if steps is None:
+            raise FileFormatError(
+                f"{path}: line {number}: no edges of {mesh.name} join two of its points"
+            )
+        found += steps
     return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
@@ -151,12 +155,9 @@ class _EdgeGraph:
         tails, heads = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
         if mesh.polygon_of is not None:
             # A diagonal has both its faces in one polygon.
-            keys = edge_keys(tails, heads)
-            owners = np.repeat(mesh.polygon_of, 3)
-            _, first, counts = np.unique(
-                np.stack([keys, owners]), axis=1, return_index=True, return_counts=True
-            )
-            once = first[counts == 1]
+            ends = np.minimum(tails, heads), np.maximum(tails, heads)
+            firsts, numbers = unique_rows(np.stack([*ends, np.repeat(mesh.polygon_of, 3)], axis=1))
+            once = firsts[np.bincount(numbers) == 1]
             tails, heads = tails[once], heads[once]
         starts, ends = np.concatenate([[tails, heads], [heads, tails]], axis=1)
         order = np.argsort(starts, kind="stable")

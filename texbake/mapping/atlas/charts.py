@@ -136,11 +136,11 @@ def existing_charts(
     assert mesh.uv_faces is not None
     ids = chart_ids(mesh)
     if regions is not None:
-        pairs = np.stack([ids, regions], axis=1)
-        ids = np.unique(pairs, axis=0, return_inverse=True)[1].astype(np.int32)
+        pairs = (ids.astype(np.int64) << 32) + regions
+        ids = np.unique(pairs, return_inverse=True)[1].astype(np.int32)
     face_charts = np.repeat(ids.reshape(-1, 1), 3, axis=1)
-    keys = np.stack([face_charts.ravel(), mesh.uv_faces.ravel()], axis=1)
-    _, firsts, faces = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    keys = (face_charts.astype(np.int64) << 32) + mesh.uv_faces
+    _, firsts, faces = np.unique(keys, return_index=True, return_inverse=True)
     return Charts(
         uvs=corners.reshape(-1, 2)[firsts] * math.sqrt(in_space / in_texture),
         faces=faces.reshape(-1, 3).astype(np.int32),

@@ -25,24 +25,21 @@ def marked_charts(mesh: Mesh, surface: ChartSurface, options: UnwrapOptions) -> 
     corners = surface.points[mesh.faces]
     solid = (corners != np.roll(corners, 1, axis=1)).any(axis=2).all(axis=1)
     pieces_of = connected_parts(surface.opposite(solid))
-    pieces = []
+    kept = None
     if options.keep_seams and mesh.uvs is not None:
-        pieces = _relaxed_layouts(mesh, surface, pieces_of, (options.width_px, options.height_px))
-    is_left = np.ones(mesh.n_faces, dtype=bool)
-    for face_ids, _ in pieces:
-        is_left[face_ids] = False
-    left = np.flatnonzero(is_left).astype(np.int32)
-    if not pieces:
-        charts = cut_charts(mesh, surface, quality=options.quality)
-    elif not len(left):
-        charts = gather_charts(mesh.faces, pieces)
+        kept = _relaxed_layouts(mesh, surface, pieces_of, (options.width_px, options.height_px))
+    if kept is None:
+        charts = cut_charts(mesh, surface)
     else:
-        part = surface.part(left)
-        others = Mesh(
-            positions=mesh.positions, faces=part.faces, polygon_of=part.polygons, name=mesh.name
-        )
-        with suppress(UnwrapError):  # none of them has an area
-            pieces.append((left, cut_charts(others, part, quality=options.quality)))
+        pieces = [kept]
+        left = np.delete(np.arange(mesh.n_faces, dtype=np.int32), kept[0])
+        if len(left):
+            part = surface.part(left)
+            others = Mesh(
+                positions=mesh.positions, faces=part.faces, polygon_of=part.polygons, name=mesh.name
+            )
+            with suppress(UnwrapError):  # none of them has an area
+                pieces.append((left, cut_charts(others, part)))
         charts = gather_charts(mesh.faces, pieces)
     n_pieces = len(np.unique(pieces_of[charts.solid]))
     if charts.n_charts <= n_pieces:
@@ -56,15 +53,16 @@ def marked_charts(mesh: Mesh, surface: ChartSurface, options: UnwrapOptions) -> 
 
 def _relaxed_layouts(
     mesh: Mesh, surface: ChartSurface, pieces_of: IntArray, size: tuple[int, int]
-) -> list[tuple[IntArray, Charts]]:
+) -> tuple[IntArray, Charts] | None:
     """Relax the layouts of pieces that neither overlap themselves nor have mirrored faces.
 
-    `pieces_of` (F,) int32: piece of each face. Returns their faces (n,) int32 and charts.
+    `pieces_of` (F,) int32: piece of each face. Returns their faces (n,) int32 and charts; None if
+    there are no such pieces.
     """
     try:
         existing = existing_charts(mesh, size, regions=pieces_of)
     except UvError:  # the layout has no area
-        return []
+        return None
     fit = repair_charts(
         surface.points[mesh.faces],
         existing.faces,
@@ -73,7 +71,7 @@ def _relaxed_layouts(
         most_stretch=MOST_MARKED,
     )
     if fit is None:
-        return []
+        return None
     solid = np.flatnonzero(fit.solid)
     before = existing.chart_ids[existing.faces[solid, 0]]
     after = fit.chart_ids[fit.faces[solid, 0]]
@@ -81,7 +79,7 @@ def _relaxed_layouts(
     is_whole = np.bincount(pairs[:, 0], minlength=existing.n_charts) == 1
     face_ids = solid[is_whole[before]].astype(np.int32)
     if not len(face_ids):
-        return []
+        return None
     kept, faces = np.unique(fit.faces[face_ids], return_inverse=True)
     charts = Charts(
         uvs=fit.uvs[kept],
@@ -89,4 +87,4 @@ def _relaxed_layouts(
         chart_ids=np.unique(fit.chart_ids[kept], return_inverse=True)[1].astype(np.int32),
         n_mirrored=fit.n_mirrored,
     )
-    return [(face_ids, relax_charts(surface.part(face_ids), charts))]
+    return face_ids, relax_charts(surface.part(face_ids), charts)
