@@ -31,7 +31,7 @@ from texbake.compat.xatlas_options import (
 )
 from texbake.errors import OptionError, UnwrapError
 from texbake.files import replacing
-from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_together
@@ -64,11 +64,12 @@ class _Packed:
     def arrays(self) -> tuple[UintArray, UintArray, FloatArray32, npt.NDArray[np.intp]]:
         """Vertices of the atlas, faces, texture coordinates, and a face of each vertex."""
         assert self.mesh.uvs is not None and self.mesh.uv_faces is not None
-        corners = np.stack([self.mesh.faces, self.mesh.uv_faces], axis=2).reshape(-1, 2)
-        used, first, faces = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-        uvs = self.mesh.uvs[used[:, 1]].astype(np.float32)
+        vertices, places = self.mesh.faces.ravel(), self.mesh.uv_faces.ravel()
+        keys = vertices.astype(np.int64) << 32 | places
+        _, first, faces = np.unique(keys, return_index=True, return_inverse=True)
+        uvs = self.mesh.uvs[places[first]].astype(np.float32)
         ids = faces.reshape(-1, 3).astype(np.uint32)
-        return used[:, 0].astype(np.uint32), ids, uvs, first // 3
+        return vertices[first].astype(np.uint32), ids, uvs, first // 3
 
 
 class Atlas:
@@ -260,10 +261,7 @@ class Atlas:
 
     def _texels(self, item: _Packed) -> FloatArray:
         """(F,) area of each face in the texture, in texels."""
-        uvs = item.mesh.corner_uvs()
-        return surface_areas(np.concatenate([uvs, np.zeros((len(uvs), 3, 1))], axis=2)) * (
-            self.width * self.height
-        )
+        return np.abs(signed_areas(item.mesh.corner_uvs())) * (self.width * self.height)
 
     def _drawn(self) -> Iterator[npt.NDArray[np.uint8]]:
         """Draw each texture, a color for each chart."""
