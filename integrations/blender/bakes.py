@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 from bpy.props import IntProperty, StringProperty
 
-from .gather import AnyArray, is_even, mean_scale, object_arrays
+from .gather import AnyArray, mean_scale, object_arrays
 from .operators import Working, found_again, leave_edit_mode
 from .process import Work, WorkError
 from .results import load_image, save_file, show_maps, write_flags
@@ -59,7 +59,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         arrays = object_arrays(low, depsgraph)
         if "uv0" not in arrays:
             raise WorkError(f"{low.name}: it has no UV map; unwrap it first")
-        if (chosen.front or chosen.back) and not is_even(low.matrix_world):
+        if (chosen.front or chosen.back) and not arrays["is_even"]:
             self.report(
                 {"WARNING"},
                 f"{low.name}: non-uniform scale makes distances approximate; apply the scale",
@@ -178,7 +178,7 @@ class Check(Working, CheckSettings, bpy.types.Operator):
         named = [f"{entry.severity}: {entry.title} ({entry.counted})" for entry in listed]
         for line in named:
             self.report({"WARNING"}, line)
-        return f"{len(named)} findings" if named else "No problems found"
+        return f"Findings: {len(named)}" if named else "No problems found"
 
     def _by_object(self, polygons: AnyArray, in_high: bool) -> Faces:
         """Return the polygons of each object, from those of all high-poly objects together."""

@@ -79,13 +79,13 @@ def object_arrays(
     finally:
         evaluated.to_mesh_clear()
     arrays["matrix"] = np.array(item.matrix_world, np.float64)
+    arrays["is_even"] = np.array(_is_even(arrays["matrix"]))
     return arrays
 
 
-def is_even(matrix: Matrix) -> bool:
+def _is_even(matrix: AnyArray) -> bool:
     """Whether a matrix scales all directions alike."""
-    linear = np.array(matrix, np.float64)[:3, :3]
-    products = linear.T @ linear
+    products = matrix[:3, :3].T @ matrix[:3, :3]
     size = np.trace(products) / 3.0
     return bool(np.abs(products - size * np.eye(3)).max() <= 1e-5 * size)
 

@@ -87,13 +87,18 @@ def own_bake(bpy, low, size, margin=0):
     return image, timed(lambda: bpy.ops.object.bake(type="NORMAL"))
 
 
-def normals(image):
-    """Return the normals of a map: (n, 3), from the lowest row on."""
+def pixels(image):
+    """Return the colors of an image, (H, W, 4), from the lowest row on."""
     import numpy as np
 
     values = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(values)
-    return 2.0 * values.reshape(-1, 4)[:, :3] - 1.0
+    return values.reshape(image.size[1], image.size[0], 4)
+
+
+def normals(image):
+    """Return the normals of a map, (n, 3)."""
+    return 2.0 * pixels(image).reshape(-1, 4)[:, :3] - 1.0
 
 
 def angle_between(ours, own):
@@ -132,29 +137,19 @@ def prepare_pictures(bpy, item):
 
 
 def rendered(bpy, item):
-    """Return a picture of one object, (PICTURE, PICTURE, 4), from the lowest row on."""
-    import numpy as np
-
+    """Return a picture of one object, (PICTURE, PICTURE, 4)."""
     for other in bpy.data.objects:
         other.hide_render = other.type == "MESH" and other is not item
     path = Path(tempfile.mkdtemp(), "picture.png")
     bpy.context.scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
-    image = bpy.data.images.load(str(path))
-    values = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(values)
-    return values.reshape(PICTURE, PICTURE, 4)
+    return pixels(bpy.data.images.load(str(path)))
 
 
 def shown(image):
     """Return a map as a small picture."""
-    import numpy as np
-
-    size = image.size[0]
-    values = np.empty(len(image.pixels), np.float32)
-    image.pixels.foreach_get(values)
-    step = size // PICTURE
-    values = values.reshape(size, size, 4)[: step * PICTURE, : step * PICTURE]
+    step = image.size[0] // PICTURE
+    values = pixels(image)[: step * PICTURE, : step * PICTURE]
     return values.reshape(PICTURE, step, PICTURE, step, 4).mean(axis=(1, 3))
 
 

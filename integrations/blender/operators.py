@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from .gather import is_even, marked_edges, mesh_arrays, object_arrays
+from .gather import marked_edges, mesh_arrays, object_arrays
 from .process import RUNNING, Work, WorkError
 from .results import MOST_UV_MAPS, has_room, make_object, set_uvs
 from .settings import LightenSettings, RemeshSettings, SimplifySettings, UnwrapSettings
@@ -15,11 +15,14 @@ from .settings import LightenSettings, RemeshSettings, SimplifySettings, UnwrapS
 _TICK = 0.1  # seconds between two looks at the running process
 
 
-def leave_edit_mode(context: bpy.types.Context) -> None:
-    """Go to object mode."""
+def leave_edit_mode(context: bpy.types.Context) -> tuple[str, str] | None:
+    """Go to object mode; return the name of the active object and the mode that it was in."""
     item = context.view_layer.objects.active
-    if item is not None and item.mode != "OBJECT":
-        bpy.ops.object.mode_set(mode="OBJECT")
+    if item is None or item.mode == "OBJECT":
+        return None
+    left = item.name, item.mode
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return left
 
 
 class Working:
@@ -68,10 +71,7 @@ class Working:
 
     def leave_mode(self, context: bpy.types.Context) -> None:
         """Go to object mode until the operator ends."""
-        item = context.view_layer.objects.active
-        if item is not None and item.mode != "OBJECT":
-            self._left = item.name, item.mode
-        leave_edit_mode(context)
+        self._left = leave_edit_mode(context) or self._left
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Run until the work is done."""
@@ -240,7 +240,7 @@ class Reducing(Working):
         self._names = [item.name for item in items]
         every = [object_arrays(item, depsgraph, colors=True) for item in items]
         self._maps = [str(arrays["uv_names"][0]) if "uv0" in arrays else "" for arrays in every]
-        if not all(map(is_even, (item.matrix_world for item in items))):
+        if not all(arrays["is_even"] for arrays in every):
             self.report(
                 {"INFO"}, "Objects with non-uniform scale are reduced as the scene shows them"
             )

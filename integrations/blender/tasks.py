@@ -5,7 +5,7 @@ All lengths are those of the space of an object. A task ends with a line that sa
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.options import RemeshOptions
 from texbake.mesh.remesh import remesh_with_report
 from texbake.mesh.simplify import simplify_with_report
+from texbake.mesh.topology import edge_keys
+from texbake.mesh.weld import unique_rows
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 from texbake.raycast.orientation import oriented
 from texbake.targets import PROGRAMS
@@ -33,31 +35,22 @@ AnyArray = npt.NDArray[Any]
 Arrays = dict[str, AnyArray]  # of one object, from `gather.object_arrays`
 Options = dict[str, Any]
 
+_HEIGHT = DISPLACEMENT_MID, DISPLACEMENT_SCALE
 _MOST_TRIES = 4  # of an unwrap that keeps polygons whole
 
 
 class Told:
-    """Reports the progress of stages, at most ten times per second."""
+    """Reports the progress of stages, each at most ten times per second."""
 
     def __init__(self) -> None:
-        self._totals: dict[str, int | None] = {}
-        self._last = 0.0
+        self._stage, self._last = "", 0.0
 
-    def started(self, stage: str, total: int | None, unit: str) -> None:
-        """Report that a stage has begun."""
-        self._totals[stage] = total
-        tell(stage=stage)
-
-    def advanced(self, stage: str, done: int) -> None:
+    def __call__(self, stage: str, share: float | None) -> None:
         """Report how much of a stage is done."""
-        total, now = self._totals.get(stage), time.monotonic()
-        if total and now - self._last > 0.1:
-            self._last = now
-            tell(stage=stage, fraction=done / total)
-
-    def finished(self, stage: str, seconds: float) -> None:
-        """Forget a stage."""
-        self._totals.pop(stage, None)
+        now = time.monotonic()
+        if stage != self._stage or now - self._last > 0.1:
+            self._stage, self._last = stage, now
+            tell(stage=stage, fraction=share or None)
 
 
 def mesh_of(arrays: Arrays, *, groups: bool = False) -> Mesh:
@@ -69,9 +62,10 @@ def mesh_of(arrays: Arrays, *, groups: bool = False) -> Mesh:
     if "corner_colors" in arrays:  # a vertex for each color of a vertex
         colors = arrays["corner_colors"]
         rows = np.column_stack([arrays["vertices"], colors.view(np.int32)])
-        _, firsts, ids = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        firsts, ids = unique_rows(rows)
+        order = np.lexsort(rows[firsts].T[::-1])
+        firsts, faces = firsts[order], np.argsort(order)[ids][triangles]
         positions, colors = positions[arrays["vertices"][firsts]], colors[firsts]
-        faces = ids.reshape(-1)[triangles]
     if colors is not None:
         fields["colors"] = np.clip(colors, 0.0, 1.0)
     if "uv0" in arrays:
@@ -142,13 +136,12 @@ def bake(
         bits = None  # as many as PNG has
         if program is not PROGRAMS["blender"] and baked.kind.coding not in ("height", "vector"):
             bits = program.normal_bits if baked.kind.coding == "normal" else 8
-        written = baked.write(folder / f"{name}.png", bits=bits)
+        metadata = baked.write(folder / f"{name}.png", bits=bits).metadata
         maps.append({
             "name": name, "file": f"{name}.png", "coding": baked.kind.coding,
             "title": program.map_stem(str(low[0]["name"]), name),
-            "metadata": {key: str(value) for key, value in written.metadata.items()},
             "convention": program.convention,
-            "height": _height(written.metadata) if baked.kind.coding == "height" else None,
+            "height": [float(metadata[key]) for key in _HEIGHT if key in metadata],
         })  # fmt: skip
     report = result.report
     tell(
@@ -157,17 +150,11 @@ def bake(
     )
 
 
-def _height(metadata: Mapping[str, Any]) -> list[float]:
-    """Return the mid level and the scale of a height map."""
-    return [float(metadata[DISPLACEMENT_MID]), float(metadata[DISPLACEMENT_SCALE])]
-
-
 def marked_edges(arrays: Arrays, mesh: Mesh, kinds: list[str]) -> AnyArray | None:
     """Return the marked edges of some kinds that faces use, (n, 2); None where there are none."""
     edges = np.concatenate([np.empty((0, 2), np.int32), *(arrays[kind] for kind in kinds)])
-    sides = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=-1).reshape(-1, 2)
-    keys, used = (np.sort(rows, axis=1).astype(np.int64) @ [1 << 32, 1] for rows in (edges, sides))
-    return edges[np.isin(keys, used)] if len(edges) else None
+    used = edge_keys(mesh.faces, np.roll(mesh.faces, -1, axis=1))
+    return edges[np.isin(edge_keys(*edges.T), used)] if len(edges) else None
 
 
 def split_polygons(mesh: Mesh, corners: AnyArray) -> AnyArray:
@@ -225,7 +212,7 @@ def unwrap(folder: Path, options: Options, mesh: list[Arrays]) -> None:
     tell(warnings=notes, done={"charts": sum(report.n_charts for _, report in results)})
 
 
-def write_mesh(folder: Path, number: int, mesh: Mesh) -> None:
+def write_mesh(path: Path, mesh: Mesh) -> None:
     """Write the arrays from which Blender makes a mesh."""
     arrays: dict[str, Any] = {
         "positions": mesh.positions.astype(np.float32), "faces": mesh.faces,
@@ -243,53 +230,53 @@ def write_mesh(folder: Path, number: int, mesh: Mesh) -> None:
         sharp = one[normals_jump(mesh, one, other)]
         faces = mesh.faces.ravel()
         arrays["sharp"] = np.stack([faces[sharp], faces[sharp + 1 - 3 * (sharp % 3 == 2)]], axis=1)
-    np.savez(folder / f"out{number}.npz", **arrays)
+    np.savez(path, **arrays)
 
 
-def scaled_back(mesh: Mesh, matrix: AnyArray | None) -> Mesh:
-    """Return a mesh in its object's space again, from `in_scene`."""
-    return mesh if matrix is None else transformed(mesh, matrix)
-
-
-def in_scene(arrays: Arrays) -> tuple[Mesh, AnyArray | None]:
-    """Return a mesh, with the scale of its object if that is not uniform, and the way back."""
-    mesh, linear = mesh_of(arrays, groups=True), arrays["matrix"][:3, :3]
-    products = linear.T @ linear
-    size = np.trace(products) / 3.0
-    if np.abs(products - size * np.eye(3)).max() <= 1e-5 * size:
-        return mesh, None
-    matrix = np.eye(4)
-    matrix[:3, :3] = linear
-    return transformed(mesh, matrix), np.linalg.inv(matrix)
+def _reduce(
+    folder: Path, every: list[Arrays], reduced: Callable[[Mesh], tuple[Mesh, list[str]]]
+) -> None:
+    """Write what a function makes of each mesh, which has the scale of its object if uneven."""
+    notes, counts = [], []
+    for number, arrays in enumerate(every):
+        mesh, matrix = mesh_of(arrays, groups=True), np.eye(4)
+        if not arrays["is_even"]:
+            matrix[:3, :3] = arrays["matrix"][:3, :3]
+            mesh = transformed(mesh, matrix)
+        result, found = reduced(mesh)
+        counts.append([mesh.n_faces, result.n_faces])
+        notes += [f"{mesh.name}: {note}" for note in found]
+        if not arrays["is_even"]:
+            result = transformed(result, np.linalg.inv(matrix))
+        write_mesh(folder / f"out{number}.npz", result)
+    tell(warnings=notes, done={"faces": counts})
 
 
 def simplify(folder: Path, options: Options, mesh: list[Arrays]) -> None:
     """Write meshes with fewer triangles."""
-    ratio, notes, counts = options.pop("ratio"), [], []
-    for number, arrays in enumerate(mesh):
-        given, back = in_scene(arrays)
+    ratio = options.pop("ratio")
+
+    def simplified(given: Mesh) -> tuple[Mesh, list[str]]:
         given, turned = oriented(given, "auto")
         if ratio is not None:
             options["n_faces"] = max(4, round(ratio * given.n_faces))
         result, report = simplify_with_report(given, progress=Told(), **options)
-        write_mesh(folder, number, scaled_back(result, back))
-        notes += [f"{given.name}: {note}" for note in (*turned.notes, *report.notes)]
-        counts.append([given.n_faces, result.n_faces])
+        notes = [*turned.notes, *report.notes]
         if not report.reached:
-            notes.append(f"{given.name}: it has {result.n_faces:,} triangles, more than requested")
-    tell(warnings=notes, done={"faces": counts})
+            notes.append(f"it has {result.n_faces:,} triangles, more than requested")
+        return result, notes
+
+    _reduce(folder, mesh, simplified)
 
 
 def remesh(folder: Path, options: Options, mesh: list[Arrays]) -> None:
     """Write meshes of the wrapped surfaces."""
-    notes, counts = [], []
-    for number, arrays in enumerate(mesh):
-        given, back = in_scene(arrays)
+
+    def remeshed(given: Mesh) -> tuple[Mesh, list[str]]:
         result, report = remesh_with_report(given, RemeshOptions(**options), progress=Told())
-        write_mesh(folder, number, scaled_back(result, back))
-        notes += [f"{given.name}: {note}" for note in report.notes]
-        counts.append([given.n_faces, result.n_faces])
-    tell(warnings=notes, done={"faces": counts})
+        return result, list(report.notes)
+
+    _reduce(folder, mesh, remeshed)
 
 
 def lighten(folder: Path, options: Options) -> None:

@@ -51,10 +51,15 @@ def choose(*items):
     bpy.context.view_layer.objects.active = items[-1]
 
 
+def with_sets(options):
+    """Return options of an operator, whose lists were sets before they became JSON."""
+    return {key: set(value) if isinstance(value, list) else value for key, value in options.items()}
+
+
 def tried(operator, **options):
     """Run an operator; return what it answers, or its report of an error."""
     try:
-        (answer,) = getattr(bpy.ops.texbake, operator)(**options)
+        (answer,) = getattr(bpy.ops.texbake, operator)(**with_sets(options))
     except RuntimeError as error:
         return str(error).removeprefix("Error: ").strip()
     return answer
@@ -102,9 +107,7 @@ def ball(n=16):
     data.from_pydata(points, [], faces)
     data.uv_layers.new(name="UVMap")
     data.attributes["UVMap"].data.foreach_set("vector", np.float32(uvs).ravel())
-    item = bpy.data.objects.new("low", data)
-    bpy.context.collection.objects.link(item)
-    return item
+    return added("low", data)
 
 
 def pair(high_matrix="plain", low_matrix="plain"):
@@ -116,6 +119,23 @@ def pair(high_matrix="plain", low_matrix="plain"):
     bpy.context.view_layer.update()
     choose(high, low)
     return high, low
+
+
+def added(name, data=None):
+    """Add an object to the scene, a lamp if it has no data."""
+    item = bpy.data.objects.new(name, data or bpy.data.lights.new(name, "SUN"))
+    bpy.context.collection.objects.link(item)
+    return item
+
+
+def monkey_and_torus():
+    """Make a scene of two objects, both selected."""
+    clear()
+    bpy.ops.mesh.primitive_monkey_add()
+    one = bpy.context.object
+    bpy.ops.mesh.primitive_torus_add()
+    choose(one, bpy.context.object)
+    return one, bpy.context.object
 
 
 def pixels(image):
@@ -147,7 +167,7 @@ def bake_pair(folder, matrix, options, modifier=False):
         high.modifiers.new("Subdivision", "SUBSURF").levels = 1
     for item in high, low:  # readers of files choose other diagonals
         item.modifiers.new("Triangulate", "TRIANGULATE")
-    answer = tried("bake", **{**options, "maps": set(options["maps"])})
+    answer = tried("bake", **options)
     for image in bpy.data.images:
         Path(folder, f"{image.name}.png").write_bytes(image.packed_file.data)
     for item in high, low:
@@ -317,14 +337,9 @@ def unwrap_cylinder(in_edit_mode):
 
 def unwrap_together():
     """Unwrap two objects into one texture; return whether their islands overlap, and the range."""
-    clear()
-    bpy.ops.mesh.primitive_monkey_add()
-    one = bpy.context.object
-    bpy.ops.mesh.primitive_torus_add()
-    other = bpy.context.object
-    choose(one, other)
+    items = monkey_and_torus()
     answer = tried("unwrap", size=128)
-    arrays = [part("gather").mesh_arrays(item.data, "") for item in (one, other)]
+    arrays = [part("gather").mesh_arrays(item.data, "") for item in items]
     hit = np.zeros((2, 512, 512), bool)
     weights = np.random.default_rng(0).dirichlet((1, 1, 1), 400)
     for number, each in enumerate(arrays):
@@ -337,14 +352,9 @@ def unwrap_together():
 
 def unwrap_without_room():
     """Unwrap two objects, the second of which has no room; return the answer and the UV maps."""
-    clear()
-    bpy.ops.mesh.primitive_monkey_add()
-    one = bpy.context.object
-    bpy.ops.mesh.primitive_torus_add()
-    other = bpy.context.object
+    one, other = monkey_and_torus()
     while len(other.data.uv_layers) < 8:
         other.data.uv_layers.new()
-    choose(one, other)
     answer = tried("unwrap", size=64, uv_map="atlas")
     return answer, [[layer.name for layer in one.data.uv_layers], len(other.data.uv_layers)]
 
@@ -458,9 +468,7 @@ def undone(operator, options, in_edit_mode=False):
         bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.ed.undo_push(message="before")
     before = state()
-    if "maps" in options:
-        options = {**options, "maps": set(options["maps"])}
-    getattr(bpy.ops.texbake, operator)("EXEC_DEFAULT", True, **options)
+    getattr(bpy.ops.texbake, operator)("EXEC_DEFAULT", True, **with_sets(options))
     after = state()
     bpy.ops.ed.undo()
     return before, after, state()
@@ -478,10 +486,7 @@ def _no_uvs():
 
 
 def _camera_active():
-    item = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    bpy.context.collection.objects.link(item)
-    item.select_set(True)
-    bpy.context.view_layer.objects.active = item
+    choose(bpy.data.objects["low"], added("camera", bpy.data.cameras.new("camera")))
 
 
 def _no_faces():
@@ -517,9 +522,7 @@ def _other_mesh():
 def _in_edit_mode(spoil):
     def spoiled():
         spoil()
-        lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
-        bpy.context.collection.objects.link(lamp)
-        lamp.select_set(True)
+        added("lamp").select_set(True)
         bpy.ops.object.mode_set(mode="EDIT")
 
     return spoiled
@@ -554,8 +557,6 @@ def refused(how, operator, options):
     kept = process.folder_of
     SPOILERS[how]()
     before = state()
-    if "maps" in options:
-        options = {**options, "maps": set(options["maps"])}
     answer = tried(operator, **options)
     process.folder_of, process.tempfile.tempdir = kept, None
     return answer, before == state() and not process.RUNNING
@@ -564,9 +565,7 @@ def refused(how, operator, options):
 def skips_others():
     """Bake with a lamp in the selection."""
     high, low = pair()
-    lamp = bpy.data.objects.new("lamp", bpy.data.lights.new("lamp", "SUN"))
-    bpy.context.collection.objects.link(lamp)
-    choose(lamp, high, low)
+    choose(added("lamp"), high, low)
     return tried("bake", maps={"normal"}, size=64), len(bpy.data.images)
 
 
