@@ -102,8 +102,10 @@ def test_fbx(tmp_path):
     (image,) = found.images
     assert channels["blue"]["base-color"] == image
     assert found.images[image] == b"picture"
-    size = (tmp_path / "a.fbx").stat().st_size
-    assert model_bytes(tmp_path / "a.fbx", [b"picture", b"beside it", None]) == size + 9
+    for data in (binary(nodes), b'Content: "cGljdHVyZQ=="'):
+        (tmp_path / "a.fbx").write_bytes(data)
+        found = model_bytes(tmp_path / "a.fbx", [b"picture", b"beside it", None])
+        assert found == len(data) + len(b"beside it")
 
 
 @pytest.mark.parametrize(("suffix", "more"), [(".usdz", 0), (".glb", 0), (".usdc", 7), (".obj", 7)])

@@ -6,6 +6,7 @@ Nothing is decoded, and what is missing is only noted.
 from __future__ import annotations
 
 import re
+from base64 import b64encode
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -87,7 +88,9 @@ def model_bytes(path: PathLike, images: Iterable[bytes | None]) -> int:
 
         return total + bytes_beside(read_document(path))
     content = read_bytes(path) if suffix == ".fbx" else b""
-    return total + sum(len(image) for image in images if image and image not in content)
+    beside = (image for image in images if image and image not in content)
+    # Text files hold images as base64.
+    return total + sum(len(image) for image in beside if b64encode(image) not in content)
 
 
 def _of_gltf(document: Document) -> FileContents:
