@@ -46,7 +46,6 @@ _BATCH = 1 << 18  # most points of a call
 _PROBES = 16  # points with which the function is tried before the work begins
 # Names under which functions may return channels, besides those of `CHANNELS`.
 _SYNONYMS = {"color": "base-color", "opacity": "alpha"}
-_OF_WIDTHS = {1: ("base-color",), 3: ("base-color",), 4: ("base-color", "alpha")}
 # Values farther than this from [0, 1] must have another unit; closer values are clipped.
 _FARTHEST = 1.0
 _LEVELS = 65535
@@ -299,7 +298,7 @@ class _Sampler:
         n = len(points)
         answer = self._function(points, normals)
         if not isinstance(answer, Mapping):
-            values = _checked(answer, "sample", n, tuple(_OF_WIDTHS))
+            values = _checked(answer, "sample", n, (1, 3, 4))
             answer = {"base-color": values[:, :3]}
             if values.shape[1] == 4:
                 answer["alpha"] = values[:, 3:]
