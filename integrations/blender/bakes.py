@@ -68,7 +68,7 @@ class Bake(Working, BakeSettings, bpy.types.Operator):
         cages = [] if self._cage is None else [object_arrays(self._cage, depsgraph)]
         self._low, self._chosen = low.name, chosen
         return Work(
-            "bake", self._options(chosen, mean_scale(low.matrix_world)), low=[arrays], cage=cages,
+            "bake", self._options(chosen, mean_scale(arrays["matrix"])), low=[arrays], cage=cages,
             high=[
                 object_arrays(item, depsgraph, layers=colors, colors=colors) for item in highs
             ],

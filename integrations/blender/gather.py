@@ -6,7 +6,6 @@ from typing import Any
 import bpy
 import numpy as np
 import numpy.typing as npt
-from mathutils import Matrix
 
 from .process import WorkError
 
@@ -90,6 +89,6 @@ def _is_even(matrix: AnyArray) -> bool:
     return bool(np.abs(products - size * np.eye(3)).max() <= 1e-5 * size)
 
 
-def mean_scale(matrix: Matrix) -> float:
+def mean_scale(matrix: AnyArray) -> float:
     """Return the factor by which a matrix scales lengths, on average."""
-    return float(abs(np.linalg.det(np.array(matrix, np.float64)[:3, :3])) ** (1.0 / 3.0))
+    return float(abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
