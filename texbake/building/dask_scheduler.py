@@ -301,7 +301,7 @@ def _ending(error: BaseException, task: Task) -> str:
 
     if isinstance(error, KilledWorker):
         return (
-            f"{error.allowed_failures + 1} workers ended while they ran it, the last one "
+            f"{error.allowed_failures + 1} workers that had this step ended, the last one "
             f"{error.last_worker.address}; the system may have run out of memory: "
             f"{memory_advice(task)}"
         )
