@@ -42,10 +42,7 @@ def face_fields(mesh: Mesh, chosen: npt.NDArray[Any]) -> dict[str, Any]:
 
 
 def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
-    """Mesh of some faces; rows of all arrays keep their order.
-
-    `chosen` (F,) bool.
-    """
+    """Mesh of the `chosen` (F,) faces; rows of all arrays keep their order."""
     if chosen.all():
         return mesh
     changes = face_fields(mesh, chosen)
@@ -76,10 +73,7 @@ _UNIT = 1e-6
 
 
 def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
-    """Move a mesh.
-
-    `matrix` (4, 4) float64.
-    """
+    """Move a mesh by a (4, 4) float64 matrix."""
     linear = np.asarray(matrix[:3, :3], np.float64)
     order = corner_order(linear)
     changes = changed_corners(mesh, lambda corners: corners[:, order])
@@ -107,10 +101,7 @@ def corner_order(linear: FloatArray) -> slice:
 
 
 def normal_map(linear: FloatArray) -> FloatArray:
-    """(..., 3, 3) maps of the normals of surfaces under (..., 3, 3) maps.
-
-    They are inverse transposes up to a positive factor.
-    """
+    """(..., 3, 3) maps of normals: inverse transposes of `linear`, up to a positive factor."""
     # Determinant times inverse transpose, which is defined also where the determinant is 0.
     scaled = _moderate(linear)
     cofactors = np.cross(scaled[..., [1, 2, 0], :], scaled[..., [2, 0, 1], :])
@@ -146,12 +137,7 @@ def _moderate(linear: FloatArray) -> FloatArray:
 
 
 def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
-    """Return a mesh with some faces flipped, and the normals at their corners with them.
-
-    Tangents are left out, since they belong to the old normals.
-
-    `turned` (F,) bool.
-    """
+    """Flip some faces (F,) and the normals at their corners, and drop tangents."""
     if not turned.any():
         return mesh
     changes = changed_corners(
@@ -165,10 +151,7 @@ def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Put meshes into one, each as a group of its own, named as the mesh.
-
-    Left out are colors, tangents, and texture coordinates or normals that not all of them have.
-    """
+    """Join meshes, each as a group of its name, without colors, tangents and unshared uvs."""
     if len(meshes) == 1:
         return meshes[0]
     changes: dict[str, Any] = {"colors": None, "tangents": None, "group_objects": ()}
@@ -195,10 +178,7 @@ def offset_joined(parts: Sequence[tuple[IntArray, int]]) -> IntArray:
 
 @dataclass(frozen=True, eq=False)
 class MeshPart:
-    """A part of a mesh with the fields of `Mesh` but groups and name, not checked.
-
-    Corners have one index for all attributes but positions and colors.
-    """
+    """A part of a mesh, not checked; corners have one index for all but positions and colors."""
 
     positions: FloatArray  # (V, 3) float64
     faces: IntArray  # (F, 3) int32; indices into `positions`, and into `colors`

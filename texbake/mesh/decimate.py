@@ -83,10 +83,7 @@ def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
 
 
 def weld_corners(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
-    """Stream with a vertex for each combination of texture coordinate, hard normal and group.
-
-    Normals count where they differ at one position, and groups where an object has more than one.
-    """
+    """Stream with a vertex for each combination of uv, hard normal and group at a position."""
     firsts = weld_vertices(mesh, threads=threads)
     is_first = np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32))
     places = mesh.faces if is_first else firsts[mesh.faces]
@@ -174,10 +171,7 @@ def _is_first_of_its_kind(faces: IntArray) -> npt.NDArray[np.bool_]:
 
 
 def _without_stacks(faces: IntArray, places: IntArray, n_vertices: int) -> IntArray:
-    """Drop copies of faces if there are more faces than a surface has with so few vertices.
-
-    Nothing could collapse at an edge that thousands of them share.
-    """
+    """Drop copies of faces, at whose edges nothing could collapse, if there are many."""
     used = np.zeros(n_vertices, dtype=np.bool_)
     used[places.ravel()] = True
     if len(faces) <= _FACES_OF_A_VERTEX * np.count_nonzero(used):
@@ -192,10 +186,7 @@ def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
 
 
 def open_vertices(stream: VertexStream) -> npt.NDArray[np.bool_]:
-    """(V,) bool: where the surface is open, or its faces are wound in different ways.
-
-    Kernel: `core/closed_surfaces.c`.
-    """
+    """(V,) bool: where the surface is open, or its faces are wound in different ways."""
     vertex_of, points = stream.vertices
     is_open = np.empty(len(points), dtype=bool)
     core.mark_open_vertices(vertex_of, stream.faces, is_open)
@@ -203,10 +194,7 @@ def open_vertices(stream: VertexStream) -> npt.NDArray[np.bool_]:
 
 
 def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool = False) -> IntArray:
-    """Collapse edges onto one of their ends until `n_faces` are left or no edge can.
-
-    Returns (F, 3) int32: faces over the stream's vertices, wound like those they come from.
-    """
+    """(F, 3) faces once edges are collapsed onto their ends, down to `n_faces` if possible."""
     vertex_of, points = stream.vertices
     faces = with_three_places(stream, stream.faces)
     n_left = core.collapse_edges(
@@ -261,11 +249,7 @@ def _rows_of_vertices(
 
 
 def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
-    """Yield the stream without its smallest parts, with ever more of them.
-
-    Those that stay, each at the fewest faces that its topology allows, take up at most one of
-    `_PARTS_SHARES` of `n_faces`, so that the rest is left for their shapes.
-    """
+    """Yield the stream without its smallest parts, with ever more of them."""
     corners = stream.vertices[0][stream.faces]
     parts, n_parts = face_components(corners, int(corners.max()) + 1)
     if n_parts == 1:

@@ -37,12 +37,7 @@ class LocalFrame:
 
     @classmethod
     def around(cls, *meshes: Mesh | StreamedMesh) -> LocalFrame:
-        """Frame in which the joint bounding box of meshes is centered and has unit size.
-
-        The longest side of the box is more than 0.5 and at most 1 local unit long, so that all
-        points that faces use lie in [-0.5, 0.5]³ (to rounding). Where all points are equal, the
-        scale is 1.
-        """
+        """Frame with the joint bounding box centered, its longest side in (0.5, 1] local units."""
         if not meshes:
             raise MeshError("local frame: there is no mesh to put it around; give at least one")
         corners = np.concatenate([mesh.bounds for mesh in meshes])
@@ -93,12 +88,7 @@ def snapped(values: npt.ArrayLike, cells: float, *, unit: float = 1.0) -> FloatA
 
 @dataclass(frozen=True, eq=False)
 class UnitGrid:
-    """A frame in which the longest side of the bounding box is 1 and points are on a grid.
-
-    Meshes that differ only in scale and place have equal points, bit for bit, unless rounding moves
-    a coordinate across a border between two cells. For a float64 coordinate of a mesh near the
-    origin, the probability of that is about ``cells / 2^52``.
-    """
+    """A frame of unit size with points on a grid: those of a scaled or moved mesh are the same."""
 
     frame: LocalFrame
     side: float  # the longest side in local units; 0 where all points are equal

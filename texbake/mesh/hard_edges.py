@@ -63,10 +63,7 @@ _ANGLE_ROUNDING = 1e-3
 
 
 def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAULT_ANGLE) -> Mesh:
-    """Return a mesh with other normals.
-
-    `angle`: in degrees, between the normals of faces; above it an edge is hard.
-    """
+    """Return a mesh with other normals; above `angle` degrees between faces an edge is hard."""
     mesh = as_mesh(mesh)
     if normals not in NORMALS:
         raise OptionError(f"normals: {normals} is not one of {', '.join(NORMALS)}")
@@ -86,18 +83,12 @@ def with_normals(mesh: MeshLike, normals: str = "angle", *, angle: float = DEFAU
 
 
 def exceed_angle(one: FloatArray, other: FloatArray, angle: float) -> BoolArray:
-    """(E,) bool: pairs of face normals (E, 3) that differ by more than an angle in degrees.
-
-    Pairs exactly at the angle, such as sides of a prism, do not, however they are rounded.
-    """
+    """(E,) bool: pairs of face normals (E, 3) that differ by more than an angle in degrees."""
     return np.asarray(angles_between(one, other) > math.radians(angle + _ANGLE_ROUNDING))
 
 
 def with_sharp_edges(mesh: Mesh, *, threads: int | None = None) -> Mesh:
-    """Return a mesh with normals that are hard at its sharp edges; itself where it has none.
-
-    A mesh with normals of its own is left as it is, unless they are those of its facets.
-    """
+    """Return a mesh with normals that are hard at its sharp edges; itself where it has none."""
     if mesh.normals is not None and not is_flat_shaded(mesh, threads=threads):
         return mesh
     one, other = inner_edges(mesh)
@@ -175,10 +166,7 @@ def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[HalfEdges,
 
 
 def hardened(mesh: Mesh, one: HalfEdges, other: HalfEdges, is_hard: BoolArray) -> Mesh:
-    """Return a mesh with normals that are hard at some of its `inner_edges`, and where none is.
-
-    No edge between two triangles of one polygon is hard.
-    """
+    """Return a mesh with normals hard at some `inner_edges`, but not inside polygons."""
     if mesh.polygon_of is not None:
         is_hard = is_hard & (mesh.polygon_of[one // 3] != mesh.polygon_of[other // 3])
     one, other = one[~is_hard], other[~is_hard]
@@ -343,11 +331,7 @@ _CURVED = pm.cos(np.radians(30.0))
 
 
 def is_flat_shaded(mesh: Mesh, *, threads: int | None = None) -> bool:
-    """Whether a curved surface has a single normal on each of its facets.
-
-    A facet is a triangle or a polygon that was cut into triangles. False for a mesh without normals
-    and for one whose facets mostly meet at sharp edges.
-    """
+    """Whether a curved surface has a single normal on each of its facets."""
     if mesh.normals is None or mesh.normal_faces is None:
         return False
     corners = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]

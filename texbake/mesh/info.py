@@ -22,10 +22,7 @@ _BLOCK = 1 << 16  # faces measured at once
 
 @dataclass(frozen=True, kw_only=True)
 class UvInfo:
-    """Texture coordinates of a mesh.
-
-    Counts of faces are those of polygons with such a triangle.
-    """
+    """Texture coordinates of a mesh; counts of faces are those of polygons with such a triangle."""
 
     n_uvs: int
     # Least and greatest coordinates that faces use.

@@ -145,10 +145,7 @@ def _vertex_colors(mesh: trimesh.Trimesh) -> npt.NDArray[np.float32] | None:
 
 
 def _world_matrix(scene: trimesh.Scene, node: str) -> npt.NDArray[np.float64]:
-    """(4, 4): product of the matrices from the root of a scene down to a node.
-
-    trimesh computes it with BLAS and LAPACK, whose rounding depends on the processor.
-    """
+    """(4, 4): product of matrices down to a node, since trimesh's own depends on the processor."""
     tree, matrix = scene.graph.transforms, np.eye(4)
     with np.errstate(over="ignore", invalid="ignore"):
         while node != scene.graph.base_frame:

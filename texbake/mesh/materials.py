@@ -122,10 +122,7 @@ class MeshMaterial:
     is_unlit: bool = False  # shown in its base color, whatever the light
 
     def on_uv_sets(self, uv_sets: Collection[int]) -> MeshMaterial:
-        """Return the material without the images that lie on other texture coordinates.
-
-        The factors of normal and occlusion mean something with an image only, and go with it.
-        """
+        """Return the material without the images that lie on other texture coordinates."""
         channels = {}
         for name, source in self.channels.items():
             if source.image is None or source.image.uv_set in uv_sets:
@@ -203,19 +200,13 @@ class Materials:
     def of_faces(
         self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]
     ) -> Materials:
-        """Return the materials of some faces, whose mesh keeps some rows of `uvs`.
-
-        `chosen` (F,) bool, or indices of faces.
-        """
+        """Return the materials of chosen faces, whose mesh keeps some rows of `uvs`."""
         sets = {number: coordinates[uv_rows] for number, coordinates in self.uv_sets.items()}
         return replace(self, face_materials=self.face_materials[chosen], uv_sets=sets)
 
     @classmethod
     def of_image(cls, mesh: Mesh, path: PathLike, channel: str = "base-color") -> Materials:
-        """One material for all faces of a mesh, with an image file for one of its channels.
-
-        A channel of one number is the first of the image's.
-        """
+        """One material for all faces of a mesh, with an image file for one of its channels."""
         from texbake.files import read_bytes
 
         width = len(CHANNELS[channel].default)

@@ -37,10 +37,7 @@ any number of sets."""
 
 @dataclass(frozen=True, eq=False)
 class UvSet:
-    """A further set of texture coordinates, with a layout and seams of its own.
-
-    The first set is `Mesh.uvs`: what is baked, packed and measured.
-    """
+    """A set of texture coordinates with a layout of its own, beside the first, `Mesh.uvs`."""
 
     uvs: FloatArray  # (T, 2) float64; v up, (0, 0) at the lower left
     faces: IntArray  # (F, 3) int32; indices into `uvs`
@@ -304,10 +301,7 @@ class Mesh:
 
 
 def _convert(value: Any, what: str, dtype: type, shape: tuple[int | None, ...]) -> npt.NDArray[Any]:
-    """Return a read-only, contiguous array of a type and shape (None: any length).
-
-    Integers are neither rounded nor wrapped around: values that do not fit are errors.
-    """
+    """Return a read-only, contiguous array of a shape (None: any length); nothing is rounded."""
     if type(value) is not np.ndarray and np.ma.is_masked(value):
         raise MeshError(f"{what} has masked numbers; leave them out")
     try:
@@ -369,10 +363,7 @@ def check_face_count(n_faces: int, name: str) -> None:
 
 
 def check_corner_count(n_corners: int, path: PathLike) -> None:
-    """Raise `FileFormatError` if a file places too many corners, or vertices, together.
-
-    For readers of formats in which many nodes share a mesh, before that is copied.
-    """
+    """Raise `FileFormatError` before nodes that share meshes make too many corners."""
     if n_corners > MAX_CORNERS:
         raise FileFormatError(
             f"{path}: it places more triangles than 32-bit indices can count; split it into "

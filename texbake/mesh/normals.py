@@ -35,10 +35,7 @@ AREA_ROUNDING = 8.0 * 2.0**-53
 
 
 def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
-    """Unit normal of each face, on the side from which it is seen counter-clockwise.
-
-    Returns (F, 3) float64.
-    """
+    """(F, 3) float64 unit normals, on the side from which a face is seen counter-clockwise."""
     normals = np.empty((mesh.n_faces, 3))
     # A vertex that no face uses may lie anywhere.
     scale = unit_scale(float(np.abs(mesh.bounds).max())) if mesh.n_faces else 1.0
@@ -114,11 +111,7 @@ def with_shading_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
 
 
 def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray, IntArray]:
-    """Normals that shade each face flat, in the form of `shading_normals`.
-
-    Returns `normals` (F, 3) float64: as `face_normals`; `normal_faces` (F, 3) int32: the face's own
-    index at each of its corners.
-    """
+    """(F, 3) float64 `face_normals`, and (F, 3) int32 indices of them, as `shading_normals`."""
     face_ids = np.arange(mesh.n_faces, dtype=np.int32)
     return face_normals(mesh, threads=threads), np.repeat(face_ids[:, None], 3, axis=1)
 
@@ -160,13 +153,7 @@ def add_angle_weighted(
     scale: float,
     threads: int | None,
 ) -> None:
-    """Add the weighted normals of faces, in their order, to those of their corners, in place.
-
-    Each band of normals walks all faces and adds to its own normals only: the order of a normal's
-    terms, and so every bit of their sum, is the order of the faces however many bands there are.
-
-    `rows` (F, 3) int32: the normal of each corner; -1 for none.
-    """
+    """Add weighted normals to those of corners in place; (F, 3) `rows`, -1 for none."""
     n_bands = resolve_threads(threads) if len(faces) > 1 << 14 else 1
     band = max(-(-len(normals) // n_bands), 1)
 
@@ -177,10 +164,7 @@ def add_angle_weighted(
 
 
 def normalize_sums(normals: FloatArray, threads: int | None) -> int:
-    """Give sums of weighted normals unit length, in place, or 0 where they cancel.
-
-    Returns how many are zero.
-    """
+    """Give sums unit length in place, 0 where they cancel; return how many are zero."""
     n_zero: list[int] = []
     run_bands(
         lambda start, stop: n_zero.append(core.normalize_sums(normals[start:stop])),
@@ -194,10 +178,7 @@ def normalize_sums(normals: FloatArray, threads: int | None) -> int:
 def fill_canceled(
     normals: FloatArray, positions: FloatArray, faces: IntArray, rows: IntArray
 ) -> None:
-    """Give zero normals, in place, the normal of their first face with area.
-
-    `rows` (F, 3) int32: the normal of each corner; -1 for none.
-    """
+    """Give zero normals that of their first face with area; (F, 3) `rows`, -1 for none."""
     zero = np.append((normals == 0.0).all(axis=1), False)  # -1 is the last
     chosen = zero[rows].any(axis=1)
     touched, rows = faces[chosen], rows[chosen]
@@ -235,11 +216,7 @@ NORMAL_ROUNDING = math.radians(1.0)
 
 
 def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray:
-    """Angles between unit vectors.
-
-    `one`, `other` (n, 3) floats: unit vectors, or zero where there is no direction. Returns (n,)
-    float64, in radians; 0 where one of the two has no direction.
-    """
+    """(n,) radians between unit vectors (n, 3); 0 where one of the two is zero."""
     # 2 asin of half the chord: exact for small angles, where the cosine is not.
     chords = pm.norm(one - other, axis=1) / 2.0
     directed = (one != 0.0).any(axis=1) & (other != 0.0).any(axis=1)

@@ -31,11 +31,7 @@ _known: WeakKeyDictionary[Mesh, IntArray | None] = WeakKeyDictionary()
 
 
 def face_objects(mesh: Mesh) -> IntArray | None:
-    """(F,) int32: object of each face.
-
-    None where all faces are of one object, or the groups of the mesh are not objects. The result is
-    kept for each mesh.
-    """
+    """(F,) int32 object of each face, kept for each mesh; None if there is only one."""
     if mesh not in _known:
         of_faces = _face_objects(mesh)
         _known[mesh] = None if of_faces is None else frozen(of_faces)

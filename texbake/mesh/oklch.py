@@ -38,11 +38,7 @@ _MIDDLE = 0.96
 def linear_from_oklch(
     lightness: npt.ArrayLike, chroma: npt.ArrayLike, hue_deg: npt.ArrayLike
 ) -> FloatArray:
-    """Convert colors from Oklch, the polar form of Oklab, to linear RGB.
-
-    `lightness` (...) float; `chroma` (...) float; `hue_deg` (...) float. Returns (..., 3) float64,
-    in [0, 1].
-    """
+    """(..., 3) float64 linear RGB in [0, 1] of colors in Oklch, the polar form of Oklab."""
     lightness, chroma, hue = np.broadcast_arrays(lightness, chroma, np.radians(hue_deg))
     lab = np.stack([lightness, chroma * pm.cos(hue), chroma * pm.sin(hue)], axis=-1)
     cones = _transformed(lab, _CONES)
@@ -54,11 +50,7 @@ def _transformed(vectors: FloatArray, matrix: FloatArray) -> FloatArray:
 
 
 def diverging(levels: npt.ArrayLike) -> FloatArray:
-    """Return colors of a diverging scale: blue at -1, nearly white at 0, amber at 1.
-
-    `levels` (...) float. Returns (..., 3) float64, linear RGB. Lightness falls evenly from the
-    middle to both ends.
-    """
+    """(..., 3) linear RGB of a diverging scale: blue at -1, nearly white at 0, amber at 1."""
     levels = np.clip(np.asarray(levels, dtype=np.float64), -1.0, 1.0)
     ends = np.where((levels < 0.0)[..., None], _LOW_END, _HIGH_END)
     size = np.abs(levels)

@@ -39,10 +39,7 @@ _ERROR_SHIFT = 15  # bits of a float32 that two errors may differ in and count a
 
 
 def bring_down(stream: VertexStream, n_faces: int, *, threads: int | None = None) -> VertexStream:
-    """Reduce a large stream until the rest is quick, leaving its boundary if that fits.
-
-    Restarting the quadrics there also brings the result a little closer to the surface.
-    """
+    """Reduce a large stream until the rest is quick, leaving its boundary if that fits."""
     n_start = max(_START_FACES, _START_TIMES * n_faces)
     if _is_crowded(stream):
         n_start = max(_CROWDED_START, int(_CROWDED_START_TIMES * n_faces))
@@ -71,10 +68,7 @@ def reduce_pieces(
     is_cut: bool = False,
     threads: int | None,
 ) -> VertexStream:
-    """Reduce to about `n_wanted` faces, never to less than `_PIECE_SHARE` of that, in one round.
-
-    `is_cut`: other faces of the surface may continue where it is open, so that this stays.
-    """
+    """Reduce to about `n_wanted` faces in one round; if `is_cut`, the open edges stay."""
     faces = with_three_places(stream, stream.faces)
     # On a grid that moves from round to round.
     shift = 0.31 * number % 1.0

@@ -85,10 +85,7 @@ def triangulated(
 def cut_polygons(
     positions: npt.NDArray[np.float64], vertices: IntArray, sizes: Indices
 ) -> tuple[Indices, Indices, npt.NDArray[np.bool_]]:
-    """Cut polygons into triangles, as `triangulated`; also return which polygons cross themselves.
-
-    Every vertex (C,) int32 is in range.
-    """
+    """Cut polygons into triangles, as `triangulated`, and say which cross themselves."""
     polygons = polygon_of_triangles(sizes)
     triangles = np.empty((len(polygons), 3), np.int64)
     is_crossed = np.zeros(len(sizes), np.bool_)
@@ -126,11 +123,7 @@ class Outlines:
 
 
 def outlines(mesh: Mesh) -> Outlines:
-    """Return the polygons of a mesh, each beginning with the first corner of its first face.
-
-    A polygon is given as its triangles if they have not one outline through all corners, or if
-    their groups, or texture coordinates or normals at a vertex of it, differ.
-    """
+    """Return the polygons of a mesh as outlines; as triangles those without a single outline."""
     polygons, n_split = mesh.polygon_of, 0
     if polygons is None:
         slots = np.arange(3 * mesh.n_faces)

@@ -181,10 +181,7 @@ def noted(result: Reduction, note: str) -> Reduction:
 def _attempts(
     mesh: Mesh, stream: VertexStream, n_faces: int, seams: str, threads: int | None
 ) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
-    """Yield attempts to reach the count, each giving up more than the one before, with notes.
-
-    Clusters of vertices are the last one, and not for a surface: they seldom leave one.
-    """
+    """Yield attempts to reach the count, each giving up more than the one before, with notes."""
     notes: tuple[str, ...] = ()
     while True:
         if boundary_fits(stream, n_faces):
@@ -207,10 +204,7 @@ def _attempts(
 
 
 def _cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
-    """Join vertices in cells of a grid, whatever their topology, for at most `n_faces`.
-
-    Each cell keeps the vertex nearest to the mean of its vertices.
-    """
+    """Join vertices in cells of a grid, at the nearest to their mean, for `n_faces` at most."""
     low = stream.points.min(axis=0)
     extent = float((stream.points.max(axis=0) - low).max())
     least, most = 1, _MOST_CELLS

@@ -109,11 +109,7 @@ def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
 
 
 def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
-    """(F,) bool: faces to flip so that neighbors agree and closed parts face outwards.
-
-    A part without an inside keeps the side that most of its faces show, and one with a single side,
-    such as a Möbius strip, is left as it is.
-    """
+    """(F,) bool: faces to flip so that neighbors agree and closed parts face outwards."""
     n = mesh.n_faces
     pairs = edge_neighbors(mesh.faces)
     first, second = pairs.first, pairs.second

@@ -116,11 +116,7 @@ def icosphere(level: int = 3) -> Mesh:
 
 
 def orange(n_triangles: int = 1_000_000) -> Mesh:
-    """Make an orange: flattened, uneven, with a stem end, a navel and thousands of pores.
-
-    Its radius is a smooth closed-form function of the direction, `peel_radii`, so that a finer
-    orange is a better picture of the same surface.
-    """
+    """An orange: flattened, uneven, with a stem end, a navel and thousands of pores."""
     _check_count("n_triangles", n_triangles, 20, MAX_TRIANGLES)
     directions, faces = _geodesic_sphere(round(math.sqrt(n_triangles / 20.0)))
     directions *= peel_radii(directions)[:, None]
@@ -237,10 +233,7 @@ _WAVES = (
 
 
 def peel_radii(directions: FloatArray) -> FloatArray:
-    """Distance from an orange's center to its surface; about 1, the stem up on +Y.
-
-    `directions` (n, 3) float64: unit vectors. Returns (n,) float64.
-    """
+    """(n,) distances from an orange's center along unit vectors (n, 3), stem up on +Y."""
     directions = np.ascontiguousarray(directions, dtype=np.float64)
     pores, radii, depths = _pores(), np.empty(len(directions)), np.empty(len(directions))
 

@@ -170,10 +170,7 @@ def simplify_with_report(
     progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
-    """Simplify a mesh, and report the method and how far the result lies from the given mesh.
-
-    `source`: the mesh in a file that `mesh` was reduced from; the report is then about that one.
-    """
+    """Simplify, and report the method and the distance, from `source` if it was reduced."""
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()

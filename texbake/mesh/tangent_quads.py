@@ -45,10 +45,7 @@ class Quads:
 
     @classmethod
     def of(cls, mesh: Mesh, points: FloatArray, uvs: AnyArray) -> Quads | None:
-        """Find them; None where there are no quadrilaterals.
-
-        `points` (F, 3, 3) and `uvs` (F, 3, 2) are those of corners, in the scale of the reference.
-        """
+        """Find them, None without any, by corners' `points` (F, 3, 3) and `uvs` (F, 3, 2)."""
         if mesh.polygon_of is None:
             return None
         polygons = outlines(mesh)
@@ -80,10 +77,7 @@ class Quads:
     def joined(
         self, points: FloatArray, tangents: FloatArray, preserving: BoolArray, has_fan: BoolArray
     ) -> tuple[FloatArray, BoolArray, BoolArray]:
-        """Return tangents, orientations and whether there is a fan, by corners of the mesh.
-
-        All arguments are by corners of the triangles.
-        """
+        """Tangents, orientations and whether there is a fan, by corners of the mesh."""
         collapsed = (points == points[:, [1, 2, 0]]).all(axis=2).any(axis=1)
         is_odd = collapsed[self.firsts] != collapsed[self.firsts + 1]
         good = self.firsts[is_odd] + collapsed[self.firsts[is_odd]]

@@ -34,10 +34,7 @@ _FLAT = 1e-9
 
 @dataclass(frozen=True)
 class MeshEdges:
-    """The edges of a mesh, each once, with the number of its faces.
-
-    A face with the same vertex at two corners has no boundary and takes part in no edge.
-    """
+    """The edges of a mesh, each once, with the number of its faces that have three vertices."""
 
     vertices: IntArray  # (E, 2) int32; the lower index first, in lexicographic order
     n_faces: IntArray  # (E,) int32; faces that have the edge
@@ -65,10 +62,7 @@ class MeshEdges:
 
 
 def find_edges(faces: IntArray) -> MeshEdges:
-    """Edges of triangles.
-
-    `faces` (F, 3) int32.
-    """
+    """Edges of (F, 3) int32 triangles."""
     faces = faces[~repeated_vertices(faces)]
     # One integer an edge: 31 bits of each index, then whether it is walked upwards.
     keys = np.empty(3 * len(faces), dtype=np.int64)
@@ -107,12 +101,7 @@ class EdgeNeighbors:
 
 
 def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
-    """Find the pairs of faces that share an edge which no third face has.
-
-    `faces` (F, 3) int32.
-
-    Kernel: `core/closed_surfaces.c`.
-    """
+    """Find the pairs of faces (F, 3) that share an edge which no third face has."""
     corners = np.ascontiguousarray(faces, np.int32).ravel()
     first, second = np.empty((2, len(corners) // 2), np.int64)
     agree, others = np.empty(len(first), np.bool_), np.empty(len(corners), np.int64)
@@ -153,10 +142,7 @@ def wind_alike(
 def against_most(
     parts: npt.NDArray[np.int64], flips: BoolArray, areas: npt.NDArray[np.float64]
 ) -> BoolArray:
-    """(F,) bool: faces wound against most of the area of their part, as `wind_alike` returns it.
-
-    Of two halves of equal area, the one with the first face is right.
-    """
+    """(F,) bool: faces wound against most of their part's area, or against its first face."""
     flipped = np.bincount(parts, areas * flips, len(parts))
     upright = np.bincount(parts, areas * ~flips, len(parts))
     return np.asarray(flips ^ (flipped > upright)[parts])
@@ -183,11 +169,7 @@ def two_sided_faces(faces: IntArray) -> BoolArray:
 
 
 def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
-    """Number the shells of a mesh, which share no vertex.
-
-    `faces` (F, 3) int32. Returns `components` (F,) int32: number of the component of each face, in
-    the order of their first faces.
-    """
+    """Number of the shell of each face, by first faces, and how many; none share a vertex."""
     components = np.empty(len(faces), dtype=np.int32)
     n_components = core.number_components(
         int(n_vertices), np.ascontiguousarray(faces, np.int32), components
@@ -233,10 +215,7 @@ def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
 
 
 def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
-    """Number of handles of a closed surface, summed over its components; None for other surfaces.
-
-    Faces must be oriented consistently, and those at a vertex must be one fan.
-    """
+    """Handles of a closed surface, oriented, one fan at each vertex; None for other surfaces."""
     if not edges.closed or edges.misoriented.any():
         return None
     kept = np.ascontiguousarray(faces[~repeated_vertices(faces)], np.int32)
@@ -247,11 +226,7 @@ def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
 
 
 def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
-    """Number the undirected edges between corners.
-
-    `corners` (F, 3) int. Returns (F, 3) int64: number of the edge from each corner to the next;
-    from 0 without gaps.
-    """
+    """(F, 3) int64 numbers of the undirected edges from each corner to the next, from 0."""
     tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
     ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
     return unique_rows(ends.reshape(-1, 2))[1].astype(np.int64).reshape(-1, 3)

@@ -44,10 +44,7 @@ class TriangleTree:
     def build(
         cls, positions: npt.ArrayLike, faces: npt.ArrayLike, *, threads: int | None = None
     ) -> TriangleTree:
-        """Build the tree.
-
-        `positions` (V, 3) float64; `faces` (F, 3) int32.
-        """
+        """Build the tree of (V, 3) positions and (F, 3) faces."""
         positions = np.ascontiguousarray(positions, dtype=np.float64)
         faces = np.ascontiguousarray(faces, dtype=np.int32)
         ids, codes = morton_order(positions, faces, threads)
@@ -87,11 +84,7 @@ class TriangleTree:
         return cls(positions, faces, ids, boxes[:n_nodes], nodes[:n_nodes])
 
     def boxes_at_a_point(self) -> float:
-        """Mean number of boxes that hold a point of the whole: of nodes, and of faces in leaves.
-
-        A search looks at these at least. Of a surface they are a few dozen; of triangles that all
-        lie across one another, a large share of all.
-        """
+        """Mean number of boxes that hold a point of the whole: of nodes, and of faces in leaves."""
         extents = (self.boxes[:, 3:] - self.boxes[:, :3]).astype(np.float64)
         thin = np.maximum(_THIN * extents[0], 1e-300)
         extents += thin
@@ -195,10 +188,7 @@ def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) ->
 
 
 def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
-    """Give a mesh the groups and colors that it lacks and another mesh has.
-
-    `source`: the mesh that has them, in the same space.
-    """
+    """Give a mesh the groups and colors of `source`, in the same space, that it lacks."""
     lacks_groups = mesh.face_groups is None and source.face_groups is not None
     colors = source.colors if mesh.colors is None else None
     names = {"group_names": source.group_names, "group_objects": source.group_objects}

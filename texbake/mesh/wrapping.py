@@ -93,10 +93,7 @@ def remesh_with_few_tunnels(
 def _closed(
     band: Band, diagonal: float, most: float, stages: Stages, threads: int | None
 ) -> Iterator[tuple[Nets, float]]:
-    """Yield surfaces of solids with few tunnels, and the width of the gaps that each closes.
-
-    The diagonal of the mesh is in voxels, and the widths are shares of it.
-    """
+    """Yield surfaces of solids with few tunnels, and the width of the gaps that each closes."""
     labels = band.labels(threads=threads)
     solid, field, thin = _flooded(band, labels, 0.0, threads)
 
@@ -218,10 +215,7 @@ def wraps(
     threads: int | None = None,
     progress: Progress = None,
 ) -> Iterator[tuple[Mesh, float, int]]:
-    """Wrap a mesh with no more tunnels than a number of triangles can show.
-
-    Yields wraps as `remesh_with_few_tunnels`; or one wrap, 0 and 0 where that is not needed.
-    """
+    """Yield wraps as `remesh_with_few_tunnels`; or one wrap, 0 and 0 where that is not needed."""
     bare = _bare(mesh)
     if not has_tunnels:
         options = RemeshOptions(surface=surface)

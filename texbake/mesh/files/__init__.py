@@ -17,10 +17,7 @@ if TYPE_CHECKING:
 
 
 class _Format(NamedTuple):
-    """Module and name of a format's reader and writer, loaded when they are first used.
-
-    `options` are the keywords of the writer.
-    """
+    """Module and name of a format's reader and writer, and the options of the writer."""
 
     reader: tuple[str, str]
     writer: tuple[str, str] | None = None

@@ -155,10 +155,7 @@ class Slot:
         )
 
     def fits(self, material: MeshMaterial) -> bool:
-        """Whether glTF also shows the channels that have no image as the material does.
-
-        It would multiply them by what the image holds.
-        """
+        """Whether glTF shows channels without image as the material does, not multiplied."""
         alone = (source for _, source in self.sources(material) if source.image is None)
         has_image = self.image(material) is not None
         return self.holds(material) and not (has_image and any(any(s.factor) for s in alone))

@@ -76,10 +76,7 @@ def read_contents(path: PathLike) -> FileContents | None:
 
 
 def model_bytes(path: PathLike, images: Iterable[bytes | None]) -> int:
-    """Return the bytes of a model file with its buffers and images.
-
-    `images` are the contents of its image files, of which it may contain some.
-    """
+    """Bytes of a model file with its buffers and images, some of which it may contain."""
     total, suffix = Path(path).stat().st_size, Path(path).suffix.lower()
     if suffix in (".glb", ".usdz"):
         return total

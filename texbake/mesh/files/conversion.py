@@ -42,10 +42,7 @@ _REPLACED = {
 
 
 def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArray[Any]:
-    """Replace rows that are not finite with zeros, and warn with their number.
-
-    `rows` (n, k) floats.
-    """
+    """Replace rows (n, k) that are not finite with zeros, and warn with their number."""
     is_bad = rows_not_finite(rows)
     if not is_bad.any():
         return rows
@@ -59,10 +56,7 @@ def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArr
 def finite_vertices(
     path: PathLike, positions: FloatArray, faces: IntArray, colors: npt.NDArray[Any] | None = None
 ) -> tuple[FloatArray, IntArray, npt.NDArray[Any] | None]:
-    """Return a mesh's arrays without unused vertices that are not finite, and warn of their number.
-
-    If a face uses such a vertex, the arrays are returned as they are, and `Mesh` refuses them.
-    """
+    """Drop unused vertices that are not finite with a warning; `Mesh` refuses those in use."""
     is_bad = rows_not_finite(positions)
     if not is_bad.any() or faces.size == 0 or faces.min() < 0 or faces.max() >= len(positions):
         return positions, faces, colors
@@ -92,11 +86,7 @@ def _count(is_bad: npt.NDArray[np.bool_]) -> str:
 
 
 def unit_colors(path: PathLike, colors: FloatArray) -> npt.NDArray[np.float32]:
-    """Colors in [0, 1].
-
-    If all are whole numbers and one is above 1, they are divided by 255; others are left as they
-    are. White replaces colors that are not finite.
-    """
+    """Colors in [0, 1], whole numbers up to 255 divided by 255; white where they are not finite."""
     known = colors[~rows_not_finite(colors)]
     if known.max(initial=0.0) > 1.0 and (known == np.round(known)).all():
         colors = colors / 255.0
@@ -109,10 +99,7 @@ _FAR = 8192.0
 
 
 def far_origin(mesh: Mesh) -> FloatArray:
-    """(3,) place that a node is to carry: the origin, unless the mesh is far from it for its size.
-
-    Positions of such a mesh are written about the place, so that float32 holds them.
-    """
+    """(3,) place of a node, so that float32 holds positions about it; 0 for near meshes."""
     bounds = mesh.bounds
     if np.abs(bounds).max() <= _FAR * mesh.diagonal:
         return np.zeros(3)

@@ -48,10 +48,7 @@ class TextNumbers(NamedTuple):
 def parse_numbers(
     path: object, data: ByteArray, start: int = 0, stop: int | None = None, *, lead: str = ""
 ) -> TextNumbers:
-    """Read the numbers of a text; ``#`` opens a comment.
-
-    `data` (n,) uint8: the text, of which the bytes from start to stop - 1 are read.
-    """
+    """Read the numbers of a text (n,) from `start` to before `stop`; ``#`` opens a comment."""
     stop = len(data) if stop is None else stop
     letter = ord(lead) if lead else 0
     tally = np.zeros(3, dtype=np.int64)
@@ -76,10 +73,7 @@ _NOT_A_NUMBER = re.compile(rb"[-+]?(nan|ind|1\.#(ind|qnan|snan|inf|j)|inf)", re.
 
 
 def read_word(path: object, data: ByteArray, at: int) -> float:
-    """Read one number that the kernel could not settle, such as one halfway between two floats.
-
-    Words that programs write for what is not a number or infinite give NaN.
-    """
+    """Read a number that the kernel could not settle; NaN for words such as those for infinity."""
     found = _WORD.match(data.data, at)
     word = found.group() if found else b""
     if _PLAIN.fullmatch(word):
@@ -94,10 +88,7 @@ _BLOCK = 1 << 16  # rows formatted at once
 
 
 def write_rows(file: io.BufferedWriter, row_format: str, rows: FloatArray | IntArray) -> None:
-    """Write each row of a table with a format of the % operator, such as ``v %r %r %r``.
-
-    ``%r`` of a float is that shortest form. The format ends with a line end.
-    """
+    """Write each row of a table with a format such as ``v %r %r %r``, floats as shortest."""
     for start in range(0, len(rows), _BLOCK):
         block = rows[start : start + _BLOCK]
         file.write((row_format * len(block) % tuple(block.ravel().tolist())).encode("ascii"))

@@ -62,11 +62,7 @@ _LEAST_TRIANGLES, _CORNERS_PER_BYTE = 6_000_000, 4
 
 
 def read_fbx(path: PathLike) -> Mesh:
-    """Read an FBX file; see the module for how a scene is converted.
-
-    Positions, normals, or those that smoothing makes, the first set of texture coordinates, vertex
-    colors (of several at one vertex the first), and materials as groups.
-    """
+    """Read an FBX file, its first uvs only; see the module for how a scene is converted."""
     scene = read_scene(path)
     models = model_instances(scene)
     parts = list(read_parts(scene, models))
@@ -240,10 +236,7 @@ class _GeometryReader:
         return min(self.node.named(layer), key=_number, default=None)
 
     def _uv_sets(self, names: Collection[str]) -> tuple[dict[str, FloatArray], Indices]:
-        """Sets by their names, the first and those named, and the row of each corner in them all.
-
-        None where the first set has no values.
-        """
+        """Sets by name, the first and those named, and the row of each corner in them all."""
         layers: dict[str, _Layer] = {}
         for layer in sorted(self.node.named("LayerElementUV"), key=_number):
             name = layer.child_text("Name")
@@ -286,10 +279,7 @@ class _GeometryReader:
         return smoothed_normals(self.positions, faces, polygons, self.slots, pairs, is_smooth)
 
     def _layer(self, node: Node | None, name: str, width: int) -> _Layer | None:
-        """Read a layer; None where no corner has a value.
-
-        Of values that are listed for each corner, equal ones of a vertex become one.
-        """
+        """Read a layer; None where no corner has a value."""
         if node is None:
             return None
         values = _floats(node, name)

@@ -99,10 +99,7 @@ def _uv_sets(parts: list[FbxPart], mesh: Mesh, numbers: dict[str, int]) -> dict[
 def _without_shear(
     materials: tuple[MeshMaterial, ...], mesh: Mesh, uv_sets: dict[int, FloatArray]
 ) -> tuple[MeshMaterial, ...]:
-    """Place sheared images by coordinates of their own, which are added to the sets.
-
-    Blender's files may shear an image, by scaling it after turning it. glTF cannot do that.
-    """
+    """Place sheared images, which glTF lacks, by coordinates that are added to the sets."""
     numbers: dict[tuple[int, Placing], int] = {}
 
     def placed(source: ChannelSource) -> ChannelSource:
@@ -223,10 +220,7 @@ def base_layer(scene: FbxScene, texture: FbxObject) -> FbxObject:
 
 
 def first_image(scene: FbxScene, texture: FbxObject) -> tuple[bytes | None, str]:
-    """Content of the image of a texture and what to call it.
-
-    Where there is none, None and the file name that the texture asks for, which may be empty.
-    """
+    """Content of the image of a texture, or None, and its file name, which may be empty."""
     if texture.key not in scene.first_images:
         holders = [*scene.members_of(texture.key, "Video"), texture]
         names = list(chain.from_iterable(map(image_names, holders)))
@@ -294,10 +288,7 @@ def wraps(texture: FbxObject) -> tuple[str, str]:
 
 
 def placing(scene: FbxScene, texture: FbxObject) -> Placing:
-    """Rows of the matrix of a texture's transform; the identity where its numbers are no numbers.
-
-    Rotations about other axes than that of the image are left out.
-    """
+    """Rows of a texture's transform matrix; the identity where its numbers are no numbers."""
     move = _numbers(texture, "Translation", 0.0)
     scale = _numbers(texture, "Scaling", 1.0)
     angle = float(_numbers(texture, "Rotation", 0.0)[2])

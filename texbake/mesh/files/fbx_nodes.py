@@ -88,10 +88,7 @@ class Node:
 
 
 def read_nodes(path: PathLike, data: ByteArray) -> tuple[Node, int]:
-    """Nodes of an FBX file, as children of a node without a name, and a version like 7400.
-
-    The version is 0 where the file does not say it.
-    """
+    """Nodes of an FBX file below one without a name, and a version like 7400, 0 if unknown."""
     if data[: len(_MAGIC)].tobytes() == _MAGIC:
         binary = _BinaryReader(path, data)
         return binary.read(), binary.version

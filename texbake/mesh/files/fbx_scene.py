@@ -327,10 +327,7 @@ def _integer(properties: Properties, name: str, default: int) -> int:
 
 
 def scene_axes(settings: Properties) -> FloatArray:
-    """(4, 4) matrix from the axes and the unit of a file to Y up, Z to the front, and meters.
-
-    Axes that contradict each other count as not given. A unit is a number of centimeters.
-    """
+    """(4, 4) matrix from the axes and the unit of a file to Y up, Z to the front, and meters."""
     axes = np.zeros((3, 3))
     for row, (name, default) in enumerate((("Coord", 0), ("Up", 1), ("Front", 2))):
         axis = _integer(settings, f"{name}Axis", default)

@@ -51,11 +51,7 @@ They take some 1 GB, and 2 GB where no two triangles share a vertex.
 
 
 def read_gltf(path: PathLike) -> Mesh:
-    """Read a .glb or .gltf file; see the module for how a scene is converted.
-
-    Positions, NORMAL, TEXCOORD_n (v turned up), TANGENT where all primitives have it, and COLOR_0.
-    Groups are named after the node, else the mesh.
-    """
+    """Read a .glb or .gltf file; see the module for how a scene is converted."""
     with without_cycle_search():
         placed = scene_nodes(read_document(path))
         check_instance_count(placed)
@@ -71,10 +67,7 @@ def read_gltf(path: PathLike) -> Mesh:
 
 
 def _read_parts(placed: SceneNodes) -> list[tuple[MeshPart, str, int]]:
-    """Read the primitives of a scene's nodes, each with a name and the place of its node.
-
-    The arrays of equal ones are read once.
-    """
+    """Read the primitives of nodes, equal ones once, each with a name and the node's place."""
     document = placed.document
     requests: dict[Any, PrimitiveRequest] = {}
     keys: dict[int, list[Any]] = {}  # of the primitives of each mesh
@@ -125,11 +118,7 @@ def _array_key(document: Document, primitive: dict[str, Any]) -> Any:
 
 
 def _uv_set_names(mesh: dict[str, Any], numbers: Collection[int]) -> dict[str, str]:
-    """Attributes of sets of texture coordinates by the names of the sets.
-
-    Files of texbake have names in the `extras` of a mesh, by the names of the attributes:
-    `"extras": {"TEXCOORD_1": "lightmap"}`.
-    """
+    """Attributes of uv sets by their names: `"extras": {"TEXCOORD_1": "lightmap"}`."""
     extras = mesh.get("extras")
     names: dict[str, str] = {}
     for number in numbers:
@@ -170,10 +159,7 @@ class SceneNodes:
         return np.asarray(placed[numbers[:-1]])
 
     def mesh_matrices(self, matrices: FloatArray) -> FloatArray:
-        """(n, 4, 4) float64: the matrices of the meshes of nodes, from those of the nodes.
-
-        A mesh with a skin stands where its joints are, not at the node.
-        """
+        """(n, 4, 4) float64: matrices of the meshes of nodes; one with a skin is at its joints."""
         matrices = matrices.copy()
         matrices[[i for i, node in enumerate(self.nodes) if "skin" in node]] = np.eye(4)
         return matrices
@@ -214,10 +200,7 @@ def check_instance_count(placed: SceneNodes) -> None:
 
 
 def scene_nodes(document: Document) -> SceneNodes:
-    """Return the nodes of the scene.
-
-    A file without nodes has each of its meshes once, where it is.
-    """
+    """Return the nodes of the scene; without any, each mesh once, where it is."""
     nodes = document.items("nodes")
     if not nodes:
         meshes: list[dict[str, Any]] = [{"mesh": i} for i in range(len(document.items("meshes")))]

@@ -122,10 +122,7 @@ class GltfAsset:
     def add_primitive(
         self, columns: dict[str, npt.NDArray[Any]], indices: npt.NDArray[np.int64], material: int
     ) -> dict[str, Any]:
-        """Add the arrays of a primitive, and return it.
-
-        `indices` (3 F,) int64.
-        """
+        """Add the arrays of a primitive, with (3 F,) indices, and return it."""
         attributes = {
             attribute: self._add_accessor(values, _VERTICES, bounded=attribute == "POSITION")
             for attribute, values in columns.items()

@@ -80,10 +80,7 @@ def ordered_triangles(
 def decode_view(
     data: npt.NDArray[np.uint8], *, mode: str, filter_name: str, count: int, stride: int
 ) -> npt.NDArray[np.uint8] | str:
-    """Bytes of a compressed view, or in words why there are none.
-
-    `data` (n,) uint8. Returns (count * stride,) uint8, or str.
-    """
+    """(count * stride,) bytes of a compressed view (n,), or in words why there are none."""
     if count * stride > _GREATEST_RATIO * len(data) + _HEAD:
         return f"a compressed view claims {count * stride} bytes, more than {len(data)} can hold"
     if mode == ATTRIBUTES:

@@ -150,10 +150,7 @@ class Document:
         return values
 
     def accessor(self, index: Any) -> npt.NDArray[Any]:
-        """(count, width) values of an accessor: floats as they are, normalized integers as float64.
-
-        What sparse storage replaces is replaced.
-        """
+        """(count, width) values: floats as they are, normalized integers as float64."""
         accessor = self.item("accessors", index)
         count = self.integer(accessor, "count")
         dtype = self._component(accessor)

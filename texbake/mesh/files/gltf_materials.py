@@ -216,10 +216,7 @@ def image_path(document: Document, index: int) -> Path | None:
 
 
 def image_source(document: Document, index: int) -> str | int | None:
-    """Return what an image is read from, its file or its view: equal for images that are the same.
-
-    A small file could list one large image many times.
-    """
+    """Return what an image is read from, its file or view, equal for images that are the same."""
     image = document.item("images", index)
     source = image.get("uri", image.get("bufferView"))
     if isinstance(source, str) and not source.startswith("data:"):

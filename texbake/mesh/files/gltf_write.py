@@ -66,10 +66,7 @@ def write_glb(
     compress: bool | None = None,
     quantize: bool | None = None,
 ) -> None:
-    """Write a mesh as binary glTF, textures embedded as they are.
-
-    `normal_map`: PNG or JPEG file, in tangent space, +Y; `emissive`: PNG or JPEG file in sRGB.
-    """
+    """Write a mesh as binary glTF with PNG or JPEG textures as they are, normals in +Y."""
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]
     shares = _coverages(len(meshes), coverages)
@@ -302,10 +299,7 @@ class CornerVertices:
         return image.uv_set, UNPLACED if (axes == np.eye(2)).all() else image.placing
 
     def _tangents_for(self, uv_set: int, placing: Placing) -> npt.NDArray[np.float32]:
-        """(F, 3, 4) tangents for a normal map on a set of texture coordinates.
-
-        Programs take given tangents as those of the image, however it is placed.
-        """
+        """(F, 3, 4) tangents of the image on a set of uvs, however it is placed."""
         if self.mesh.tangents is not None:
             return self.mesh.tangents
         key = uv_set, placing

@@ -65,10 +65,7 @@ Images = dict[str, tuple[bytes, str]]
 
 
 def read_obj_materials(path: PathLike, mesh: Mesh) -> Materials | None:
-    """Read the materials of an OBJ file; None where no face has one.
-
-    Faces before the first `usemtl` have the material `default`.
-    """
+    """Materials of an OBJ file, `default` before the first `usemtl`; None without any."""
     data = read_obj_text(path)
     if re.search(rb"usemtl", data.data) is None:
         return None
@@ -225,10 +222,7 @@ MTL_CHANNELS = ("base-color", "emissive", "alpha", "roughness", "metallic", "nor
 
 @appearing_together()
 def write_obj_materials(mesh: Mesh, path: PathLike, materials: Materials) -> tuple[Path, ...]:
-    """Write an OBJ file, its .mtl file and their images; return the paths of all.
-
-    If one of them cannot be written, none is. Only the channels of `MTL_CHANNELS` are written.
-    """
+    """Write an OBJ file, its .mtl file and images, together; return their paths."""
     path = Path(path)
     library = path.with_suffix(".mtl")
     names = _unique_names(materials)

@@ -51,11 +51,7 @@ _OUT_OF_RANGE = -2  # written in the place of a position index
 
 
 def read_obj(path: PathLike) -> Mesh:
-    """Read an OBJ file; see the module for what is done where files differ.
-
-    Every coordinate is the float64 nearest to its text. The arrays `uvs` and `normals` are those of
-    the file, in its order, and so are the faces.
-    """
+    """Read an OBJ file, each number as the nearest float64, each array in the file's order."""
     data = read_obj_text(path)
     lines = find_lines(data)
     if len(lines[V]) == 0:
@@ -155,10 +151,7 @@ def _smoothing_groups(marks: list[_Mark], n_polygons: int) -> IntArray | None:
 def _read_groups(
     all_marks: list[_Mark], n_polygons: int
 ) -> tuple[IntArray, tuple[str, ...], tuple[int, ...]]:
-    """Group of each polygon, and the names and objects of groups, in order of appearance.
-
-    Groups are objects by `o`, or by `g` where no `o` tells two apart; materials are none.
-    """
+    """Group of each polygon, and the names and objects of groups, in order of appearance."""
     marks = [mark for mark in all_marks if mark[0] != b"s"]
     groups = np.zeros(n_polygons, dtype=np.int32)
     if not marks:

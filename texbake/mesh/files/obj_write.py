@@ -97,10 +97,7 @@ def _corner_indices(mesh: Mesh, slots: npt.NDArray[np.int64]) -> IntArray:
 
 
 def _group_statements(mesh: Mesh) -> list[tuple[str, str]]:
-    """Statements of the object and of the group in it, for each group.
-
-    Groups are objects, which other programs keep apart, unless two objects share a vertex.
-    """
+    """Statements of the object and of the group in it, for each group."""
     names = [plain_name(name) for name in mesh.group_names]
     if mesh.face_groups is None:
         return []
@@ -142,10 +139,7 @@ def uv_sets_path(path: PathLike) -> Path:
 
 
 def write_uv_sets(mesh: Mesh, path: PathLike, polygons: Outlines) -> None:
-    """Write the further sets of a mesh beside its OBJ file; without any, remove that of before.
-
-    Corners are listed as they will be when the polygons of the file have become triangles again.
-    """
+    """Write further sets beside an OBJ file, in the order of its triangles, or remove them."""
     beside = uv_sets_path(path)
     if not mesh.uv_sets:
         if is_file(beside):  # False if the name is too long for a file

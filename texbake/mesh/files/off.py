@@ -33,10 +33,7 @@ _BINARY = re.compile(rb"[ \t]*BINARY\b")
 
 
 def read_off(path: PathLike) -> Mesh:
-    """Read an OFF file.
-
-    Colors that are all whole numbers with one above 1 are taken to go up to 255.
-    """
+    """Read an OFF file; whole colors with one above 1 are taken to go up to 255."""
     data = text_of(path, read_array(path), "an ASCII OFF file")
     first_word = _FIRST_WORD.match(data[:65536].data)
     textured, colored, shaded, *extra = first_word.groups() if first_word else (None,) * 5

@@ -51,10 +51,7 @@ class _Graph:
 def openpbr_nodes(
     maps: Mapping[str, str], *, convention: str = "opengl", mid: float = 0.0, scale: float = 1.0
 ) -> list[Node]:
-    """Return the nodes of a material that reads map files, each node after those that it reads.
-
-    `mid` and `scale` describe the heights. The last node is the material.
-    """
+    """Nodes of a material, which is the last; `mid` and `scale` describe the heights."""
     graph, surface = _Graph(maps), dict[str, Input]()
     for kind, (place, type_) in _WHOLE.items():
         if kind in maps:

@@ -34,10 +34,7 @@ _MAX_HEADER = 1 << 20  # bytes; a header takes some hundreds
 
 @dataclass(frozen=True)
 class Property:
-    """A value of each row of an element, or, with a `count_type`, a list of values.
-
-    Types are numpy's codes, without byte order.
-    """
+    """A value, or with a `count_type` a list of values, of each row; types are numpy's codes."""
 
     name: str
     type: str
@@ -65,10 +62,7 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """What the header says; the body begins at offset `end`.
-
-    `order` is numpy's sign of the byte order, empty for a body of text.
-    """
+    """What the header says: numpy's byte order, empty for text, and where the body begins."""
 
     order: str
     elements: tuple[Element, ...]
@@ -138,11 +132,7 @@ def read_element(
     *,
     first_row: int = 0,
 ) -> tuple[Columns, int]:
-    """Columns of the element whose rows begin at a unit of the body, and where they end.
-
-    Where all rows have one size the columns are views of the body, else copies. Messages count rows
-    from `first_row`.
-    """
+    """Columns of an element, views where rows have one size, and the unit where they end."""
     require_rows(path, body, start, element)  # before anything is allocated
     if not element.properties:
         return {}, start

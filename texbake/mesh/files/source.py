@@ -38,10 +38,7 @@ def read_array(path: PathLike) -> ByteArray:
 
 
 class Cursor:
-    """A place in the bytes of a binary file, of which nothing behind `stop` can be taken.
-
-    `order` is the sign of the byte order, as in `struct`.
-    """
+    """A place in a binary file up to `stop`; `order` is the byte order, as in `struct`."""
 
     def __init__(self, path: PathLike, data: ByteArray, *, order: str = "<") -> None:
         self.path = path
@@ -88,11 +85,7 @@ def parsed_once() -> Iterator[None]:
 
 @contextmanager
 def without_cycle_search() -> Iterator[None]:
-    """Keep Python from searching for cycles of objects in this block.
-
-    It does so now and then as objects are made. What a parser makes has no cycles, and with a
-    million objects the search takes longer than parsing.
-    """
+    """Keep Python from searching in this block for cycles, which parsers do not make."""
     was_enabled = gc.isenabled()
     try:
         gc.disable()
@@ -149,11 +142,7 @@ def damaged(path: PathLike, error: Exception) -> FileFormatError:
 
 
 def short_name(name: object) -> str:
-    """Text of a name, with an ellipsis for its middle where it is longer than any program shows.
-
-    Parts take their names from those of nodes and meshes: a name of a megabyte would be held once
-    for each of them.
-    """
+    """Shorten a name in its middle, because parts would hold a megabyte once for each."""
     return shortened(str(name), LONGEST_NAME)
 
 

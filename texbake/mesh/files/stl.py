@@ -78,10 +78,7 @@ _END = re.compile(rb"[\r\n][ \t]*endsolid\b[^\r\n]*\s*\Z", re.IGNORECASE)
 def _read_ascii(
     path: PathLike, data: ByteArray
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32] | None, tuple[str, ...]]:
-    """(3F, 3) corners, the solid of each triangle, and the solids' names.
-
-    A single solid without a name makes no group.
-    """
+    """(3F, 3) corners, the solid of each triangle, and the solids' names."""
     data = text_of(path, data, "an STL file")
     if not _END.search(data[-4096:].data):
         raise FileFormatError(f"{path}: it does not end with 'endsolid'; it is truncated")

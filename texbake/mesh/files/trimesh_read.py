@@ -92,10 +92,7 @@ def _replace_unknown(path: PathLike, scene: Any) -> None:
 
 
 def _record_geometries(path: PathLike, primitives: list[Any]) -> list[Exception]:
-    """Make pycollada report what it reads and leaves out, and keep numbers that are not finite.
-
-    Returns a list of what it leaves out, which is filled as it reads.
-    """
+    """Make pycollada keep numbers that are not finite; return a list of what it drops."""
     collada = require_library("collada", path)
     broken: list[Exception] = []
     load = collada.Collada._loadGeometry

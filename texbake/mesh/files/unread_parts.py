@@ -31,11 +31,7 @@ _POSES = ("skin", "shape key")
 
 
 def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
-    """Count the parts of a glTF or FBX file that are not read, such as `2 animations`.
-
-    Empty for other formats. For a path, those that `warn_of_pose` and `warn_of_fbx` name are left
-    out.
-    """
+    """Count parts of a glTF or FBX file that are not read, without those that are warned of."""
     if not isinstance(source, str | os.PathLike):
         return _named(_counts(source))
     suffix = Path(source).suffix.lower()
@@ -62,10 +58,7 @@ def warn_of_pose(source: Document | FbxScene) -> Mapping[str, int]:
 
 
 def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
-    """Warn of unread parts of an FBX scene that would change its surface.
-
-    `models` are the visible ones.
-    """
+    """Warn of unread parts of a scene that would change the surface of its visible `models`."""
     from texbake.mesh.files.fbx_scene import has_polygons, model_geometry
 
     if (n := warn_of_pose(scene)[_NURBS]) > 0:

@@ -40,12 +40,7 @@ _Y_FROM_Z = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0,
 
 
 def read_usd(path: PathLike) -> Mesh:
-    """Read a USD file; see the module for how a stage is converted.
-
-    Positions, normals, texture coordinates (the primvar `st`, else the first of the role
-    TextureCoordinate or of two floats per corner), tangents of four floats per corner (`tangents`),
-    display colors at vertices, and subsets.
-    """
+    """Read a USD file; see the module for how a stage is converted."""
     mesh: Mesh = read_in_child(path, "mesh", {"Mesh": Mesh, "UvSet": UvSet})
     return mesh
 
@@ -252,10 +247,7 @@ class _MeshReader:
     def _values(
         self, source: Any, width: int
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]] | None:
-        """(n, width) values, and the row of each corner; None without a source.
-
-        Values of corners that are listed one by one are welded where point and value agree.
-        """
+        """(n, width) values, and the row of each corner; None without a source."""
         from pxr import UsdGeom
 
         if source is None:

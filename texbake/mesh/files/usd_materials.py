@@ -95,10 +95,7 @@ def materials_of_stage(path: PathLike) -> Materials | None:
 
 
 def _bound_material(stage: Any, prim: Any) -> Any:
-    """Material of a prim: its own, or that of the prim above it that is nearest or says it is.
-
-    The library's own search would print a warning for each prim of older files.
-    """
+    """Material of a prim: its own, or that of the prim above it that is nearest or says it is."""
     from pxr import UsdShade
 
     strength_of = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength

@@ -49,11 +49,7 @@ def open_stage(path: PathLike) -> Any:
 
 @contextmanager
 def reporting_damage(path: PathLike) -> Iterator[None]:
-    """Turn what the library complains of into `FileFormatError`.
-
-    Values are read when they are first used, so that a stage which could be opened may still turn
-    out to be damaged.
-    """
+    """Turn what the library complains of, even on later reading, into `FileFormatError`."""
     from pxr import Tf
 
     try:
@@ -90,10 +86,7 @@ def layers_of_stage(path: str) -> Iterator[Any]:
 
 
 def files_of_stage(path: str) -> list[str]:
-    """Files that a USD file is composed of, and those that it names; its own name is left out.
-
-    Images in tiles are those that exist.
-    """
+    """Files that a USD file is composed of, and those that it names; its own name is left out."""
     from pxr import Tf, UsdUtils
 
     unheard = UsdUtils.CoalescingDiagnosticDelegate()  # silences warnings of missing files
@@ -111,10 +104,7 @@ _LONGEST = 200  # characters of a reason
 
 
 def _reason(error: Exception) -> str:
-    """Return what the library complained of first, and of that the beginning.
-
-    There may be a complaint for each byte of the file, each as long as the file.
-    """
+    """Beginning of what the library complained of first."""
     try:
         complaint = str(getattr(error.args[0], "commentary", error))
     except UnicodeDecodeError:  # it repeats what it could not read

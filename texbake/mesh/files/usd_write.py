@@ -60,10 +60,7 @@ def write_usd(
     name: str | None = None,
     materialx: bool = False,
 ) -> None:
-    """Write a mesh as .usd, .usda, .usdc or .usdz.
-
-    With `materialx`, the material is also an OpenPBR surface, for renderers that read MaterialX.
-    """
+    """Write .usd, .usda, .usdc or .usdz; with `materialx`, also OpenPBR as MaterialX."""
     require_usd(path)
     sources = {"normal": normal_map, "base_color": base_color, "orm": orm, "emissive": emissive}
     textures = {
@@ -98,10 +95,7 @@ def write_usd(
 
 
 def _package(stage: Any, path: Path, textures: Mapping[str, Path]) -> None:
-    """Write a .usdz file: the stage first, and the images that it refers to.
-
-    Not by USD's own writer, which puts the time into the file.
-    """
+    """Write a .usdz file, stage first, without the time that USD's own writer puts in."""
     with scratch_folder() as folder:
         root = folder / "asset.usdc"
         stage.GetRootLayer().Export(str(root))

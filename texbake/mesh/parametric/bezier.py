@@ -65,10 +65,7 @@ _POINT_WIDTHS = (3, 5)
 
 
 def make_bezier(*, resolution: tuple[int, int], patches: FloatArray) -> Mesh:
-    """Surface of bicubic patches.
-
-    `patches` (P, 4, 4, 3) or (P, 4, 4, 5) float64: control points, as of `patches_of`.
-    """
+    """Surface of bicubic patches, (P, 4, 4, 3) or (P, 4, 4, 5) as of `patches_of`."""
     n_u, n_v = resolution
     n_patches = len(patches)
     check_triangles(2 * n_u * n_v * n_patches)

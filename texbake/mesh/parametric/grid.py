@@ -65,11 +65,7 @@ def half_steps(values: FloatArray) -> FloatArray:
 def part_way(
     first: npt.ArrayLike, last: npt.ArrayLike, step: npt.ArrayLike, steps: npt.ArrayLike
 ) -> FloatArray:
-    """Values after `step` of `steps` equal steps from one to another, counted from the nearer end.
-
-    Both ends come out exactly, values that are the same stay so, and the way back has the same
-    points bit by bit.
-    """
+    """Values after `step` of `steps` equal steps, counted from the nearer end; ends are exact."""
     first, last, step, steps = (np.asarray(given) for given in (first, last, step, steps))
     near = 2 * step <= steps
     start, towards = np.where(near, first, last), np.where(near, last, first)
@@ -105,11 +101,7 @@ def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
 def make_grid(
     columns: IntArray, rows: IntArray, *, poles: BoolArray | None = None, twisted: bool = False
 ) -> SurfaceGrid:
-    """Lay a surface out on lines.
-
-    `poles` (R,) bool: rows that are one vertex each; `twisted`: the last column has the vertices
-    of the first in reverse, as on a Möbius strip.
-    """
+    """Lay a surface out on lines; `poles` (R,) are one vertex, and `twisted` joins in reverse."""
     nodes, quads = lattice(columns, rows)
     column, row = nodes.T // 2
     vertex_columns, vertex_rows = columns[column], rows[row]
@@ -123,10 +115,7 @@ def make_grid(
 
 
 def triangulate(nodes: IntArray, vertex_ids: IntArray, quads: IntArray) -> SurfaceGrid:
-    """Split squares into triangles; one with a side that is a single vertex becomes one triangle.
-
-    `quads` (Q, 4) int32: nodes of squares, counter-clockwise.
-    """
+    """Split squares of nodes (Q, 4), counter-clockwise, of which one side may be a vertex."""
     corners = vertex_ids[quads]
     shrunk = corners == np.roll(corners, -1, axis=1)  # side k, from corner k to the next
     n_shrunk = shrunk.sum(axis=1)
@@ -183,10 +172,7 @@ def grid_mesh(
 
 
 def circle_points(n_points: int) -> FloatArray:
-    """Cosine and sine of k / n of a turn, for k from 0 to n - 1.
-
-    Returns (n, 2) float64: each coordinate within one unit in its last place, and never -0.
-    """
+    """(n, 2) cosine and sine of k / n of a turn, never -0."""
     eighths = 8 * np.arange(n_points, dtype=np.int64)
     octants, rests = eighths // n_points, eighths % n_points
     parts = np.where(octants % 2 == 1, n_points - rests, rests)

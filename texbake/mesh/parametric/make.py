@@ -68,10 +68,7 @@ def make_cylindrical_range(
     height: float,
     max_step: float | None,
 ) -> Mesh:
-    """Surface around the y axis at radius · image.
-
-    `image` (H, W) or (H, W, C): row 0 at the top.
-    """
+    """Surface around the y axis at radius · image (H, W) or (H, W, C), row 0 at the top."""
     ranges = radius * _distances(image, resolution)
     u, v = _centers(*ranges.shape)
     angles = 2.0 * math.pi * (u - 0.5)
@@ -88,10 +85,7 @@ def make_depth_image(
     fov: float,
     max_step: float | None,
 ) -> Mesh:
-    """Surface that a depth camera at the origin sees; it looks along -z.
-
-    `image` (H, W) or (H, W, C): depths along the axis of the camera, row 0 at the top.
-    """
+    """Surface in front of a camera at the origin that looks along -z; `image` has depths."""
     depths = distance * _distances(image, resolution)
     n_rows, n_columns = depths.shape
     u, v = _centers(n_rows, n_columns)
@@ -245,10 +239,7 @@ def make_plane(*, resolution: tuple[int, int], width: float, height: float) -> M
 def make_height_field(
     *, resolution: tuple[int, int] | None, image: npt.ArrayLike, width: float, height: float
 ) -> Mesh:
-    """Surface z = height · image over a rectangle about the origin.
-
-    `image` (H, W) or (H, W, C): row 0 at the top.
-    """
+    """Surface z = height · image (H, W) or (H, W, C) over a rectangle about the origin."""
     pixels = _gray(image)
     n_down, n_across = pixels.shape
     steps = (n_across - 1, n_down - 1) if resolution is None else resolution

@@ -66,10 +66,7 @@ def straight_outline(start: tuple[float, float], end: tuple[float, float], n_row
 
 
 def profile_outline(profile: FloatArray, n_rows: int, crease: float) -> Outline:
-    """Straight segments between points, each in equal parts.
-
-    `profile` (n, 2) float64.
-    """
+    """Straight segments between points (n, 2), each in equal parts."""
     points = _oriented(_pruned(profile))
     edges = np.diff(points, axis=0)
     lengths = pm.hypot(edges[:, 0], edges[:, 1])
@@ -184,10 +181,7 @@ def round_columns(n_columns: int, turns: float = 1.0) -> SweptColumns:
 
 
 def flat_columns(n_columns: int, sides: int) -> SweptColumns:
-    """Columns on a regular polygon, at least `n_columns` of them, evenly spaced on its sides.
-
-    A corner is at the seam. At each corner there are two columns with normals of their own.
-    """
+    """At least `n_columns` evenly on the sides of a regular polygon, a corner at the seam."""
     per_side = -(-n_columns // sides)
     n_columns = sides * per_side
     side, step = (axis.ravel() for axis in np.indices((sides, per_side + 1)))
@@ -248,10 +242,7 @@ def make_torus(*, resolution: tuple[int, int], radius: float, minor_radius: floa
 def make_revolution(
     *, resolution: tuple[int, int], profile: FloatArray, turns: float, crease: float
 ) -> Mesh:
-    """Surface of revolution of a profile.
-
-    `profile` (n, 2) float64; `crease`: degrees.
-    """
+    """Surface of revolution of a profile (n, 2) float64; `crease` in degrees."""
     outline = profile_outline(profile, resolution[1], crease)
     check_triangles(2 * resolution[0] * (int(outline.lines.max()) + 1))
     return _sweep(round_columns(resolution[0], turns), outline, "revolution")
@@ -292,11 +283,7 @@ def _sweep(
     parts: npt.NDArray[np.intp] | None = None,
     radius: float = 1.0,
 ) -> Mesh:
-    """Sweep an outline through all columns, with (u, v) as texture coordinates.
-
-    `parts` (R,) of the rows: 0 for the bottom, 1 for the side and 2 for the top; the bottom has the
-    `radius`.
-    """
+    """Sweep an outline through all columns; `parts` (R,): 0 for bottom, 1 for side, 2 for top."""
     grid = make_grid(columns.lines, outline.lines, poles=outline.points[:, 0] == 0.0)
     column, row = grid.nodes[:, 0], grid.nodes[:, 1] // 2
     x, z = columns.points[column].T

@@ -114,10 +114,7 @@ class StreamedMesh:
         return np.concatenate(points)
 
     def part(self, face_ids: IntArray) -> MeshPart:
-        """Return some triangles by themselves, in their order.
-
-        `face_ids` (n,) int32: in ascending order, each once.
-        """
+        """Return some triangles, (n,) ids in ascending order, by themselves."""
         mesh, vertices = self._piece(self._chosen(face_ids))
         if mesh.normals is not None and (missing := (mesh.normals == 0.0).all(axis=1)).any():
             normals = mesh.normals.copy()
@@ -138,12 +135,7 @@ class StreamedMesh:
         return np.concatenate(pieces)
 
     def smooth_normals(self, vertices: IntArray) -> FloatArray:
-        """Angle-weighted unit normals of some vertices, as `texbake.mesh.normals.smooth_normals`.
-
-        The file is read once for them, and once more if some cancel.
-
-        `vertices` (n,) int32: in ascending order. Returns (n, 3) float64.
-        """
+        """(n, 3) float64 normals as `smooth_normals`, at (n,) vertices in ascending order."""
         source, threads = self._source, self._threads
         marks = source.vertices.at(source.vertices.read(vertices, threads), threads)
         positions = source.vertices.read(marks.places, threads)
@@ -164,10 +156,7 @@ class StreamedMesh:
     def _around(
         self, marks: Marks, firsts: IntArray
     ) -> Iterator[tuple[FloatArray, IntArray, IntArray]]:
-        """Yield the triangles with marked corners: positions, faces, and the mark of each corner.
-
-        `firsts` is the first mark at the position of each.
-        """
+        """Yield triangles with marked corners: positions, faces, and the mark of each corner."""
         vertices = self._source.vertices
         marks_of = np.append(firsts, np.int32(-1))  # -1 is the last
         for faces in self._source.blocks(self._threads):

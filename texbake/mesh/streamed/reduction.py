@@ -70,10 +70,7 @@ class ReducedMesh:
         )
 
     def distance(self, low: Mesh, *, threads: int | None) -> SurfaceDistance:
-        """Measure the distance between the mesh in the file (a) and one made of it (b).
-
-        From (a) it uses evenly spread triangles of the file; to (a), what the mesh was reduced to.
-        """
+        """Measure the distance between the mesh in the file (a) and one made of it (b)."""
         corners = self.source.spread_corners(max(1, self.source.n_faces // _SAMPLES))
         faces = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
         spread = Mesh(positions=corners, faces=faces)

@@ -99,11 +99,7 @@ class FileVertices:
         return positions
 
     def of_faces(self, faces: IntArray, threads: int | None = None) -> tuple[FloatArray, IntArray]:
-        """Return positions that have all corners of faces, and the faces as indices into them.
-
-        Faces that stand together in a file mostly have vertices that do so too: then these are read
-        one after another, else those of each corner.
-        """
+        """Return positions that have all corners of faces, and the faces as indices into them."""
         if len(faces) == 0:
             return np.empty((0, 3)), faces
         first, last = int(faces.min()), int(faces.max())
