@@ -56,11 +56,7 @@ class Camera:
 
     @classmethod
     def framing(cls, *meshes: Mesh, options: RenderOptions | None = None) -> Camera:
-        """Return a camera that frames the common bounding sphere of meshes.
-
-        The sphere is centered on the joint bounding box. A mesh without any extent is framed as if
-        its radius were 1.
-        """
+        """Return a camera that frames the sphere about the joint bounding box of meshes."""
         return cls.framing_sphere(*cls.sphere_around(*meshes), options or RenderOptions())
 
     @classmethod
@@ -87,11 +83,7 @@ class Camera:
         fov: float,
         near: float,
     ) -> Camera:
-        """Return a camera at a position that looks at a target.
-
-        `eye`, `target` (x, y, z), in world space; `up` (x, y, z); `fov`: vertical field of view in
-        radians, above 0 and below π; `near`: distance of the near plane in model units, above 0.
-        """
+        """Return a camera in world space that looks at a target, its vertical `fov` in radians."""
         if not 0.0 < fov < math.pi:
             raise OptionError(
                 f"fov: {math.degrees(fov):g} is out of range; it must be above 0 and below 180"
@@ -103,10 +95,7 @@ class Camera:
 
     @staticmethod
     def sphere_around(*meshes: Mesh) -> tuple[FloatArray, float]:
-        """Center of the joint bounding box, and radius of the sphere about it around all faces.
-
-        The radius of a mesh without extent is 1.
-        """
+        """Center of the joint bounding box, and radius of the sphere around all; 1 if 0."""
         low = np.min([mesh.bounds[0] for mesh in meshes], axis=0)
         high = np.max([mesh.bounds[1] for mesh in meshes], axis=0)
         center = 0.5 * low + 0.5 * high
@@ -135,11 +124,7 @@ class Camera:
         return pm.matmul(projection, view)
 
     def view_rays(self, width: int, height: int) -> FloatArray:
-        """(3, 3) float64: rows o, x, y, such that o + i x + j y is the ray of column i, row j.
-
-        i and j are continuous, with (0, 0) at the upper left corner of the picture. Rays are in
-        world space and one unit deep along the view.
-        """
+        """(3, 3) rows o, x, y; the ray of column i, row j is o + i x + j y, one unit deep."""
         tall = 2.0 * pm.tan(self.fov / 2) / height
         right, up, back = self.axes
         corner = -back - 0.5 * width * tall * right + 0.5 * height * tall * up

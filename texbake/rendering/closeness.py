@@ -136,11 +136,7 @@ _C1, _C2 = 0.01**2, 0.03**2
 def structural_similarities(
     first: FloatImage, second: FloatImage, window: int, *, threads: int | None = None
 ) -> FloatImage:
-    """SSIM (H, W, C) of the windows around each pixel of two pictures (H, W, C), of 0 to 1.
-
-    `window` is odd, in pixels, and no larger than the pictures, whose pixels are mirrored at their
-    edges. Variances are those of samples.
-    """
+    """SSIM (H, W, C), 0 to 1, of the odd `window` around each pixel of two pictures."""
     similar = np.empty(first.shape, np.float32)
     kernel = partial(
         core.compare_structures, first, second, window, window**2 / (window**2 - 1), _C1, _C2,

@@ -102,10 +102,7 @@ class Comparison:
         return color_angles(self.angles_deg)
 
     def side_by_side(self) -> FloatImage:
-        """(H', W', 3) float32: the pictures with captions, in linear light, and their difference.
-
-        The difference is between the high-poly mesh and the low-poly mesh with the maps in `maps`.
-        """
+        """(H', W', 3) linear: the pictures with captions, and the error of low with maps."""
         return side_by_side(*self._panels())
 
     def sheets(self) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
@@ -272,10 +269,7 @@ def _draw_models(
     *,
     at_once: bool = True,
 ) -> tuple[list[Frame], list[ViewErrors]]:
-    """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses.
-
-    If not `at_once`, each use shares the images that the one before it has read.
-    """
+    """Draw the high-poly mesh and uses of low-poly ones, and measure the errors of the uses."""
     camera = Camera.framing_sphere(*sphere, options)
     threads = resolve_threads(models[0].threads)
     for_each = max(1, 2 * threads // len(models)) if at_once else threads

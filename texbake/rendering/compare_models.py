@@ -202,11 +202,7 @@ def contributions_of(
     threads: int | None = None,
     progress: Progress = None,
 ) -> tuple[Contribution, ...]:
-    """Draw a scene without each of its effects in turn, and compare the pictures.
-
-    Contributions are in the order of the plan. Geometry and lookups that other effects need are not
-    among them; an effect that changed nothing has 0 pixels.
-    """
+    """Draw a scene without each of its effects in turn, and compare the pictures, by the plan."""
     options = replace(options, max_error=None, time_budget=None)
     plain = replace(options, exposure="none")
     camera = camera or camera_of(scene, options)

@@ -285,11 +285,7 @@ def texel_lengths(
 
 
 class EdgeView:
-    """Limits the length of edges in the picture of one camera.
-
-    `edge_px`: maximum length of an edge in pixels; `farthest`: upper bound on the displacement in
-    world space.
-    """
+    """Limits edges to `edge_px` pixels for a camera; `farthest` bounds the displacement (world)."""
 
     def __init__(
         self, camera: Camera, options: RenderOptions, edge_px: float, farthest: float

@@ -48,10 +48,7 @@ _PIXELS = 1 << 15
 
 @dataclass(eq=False)
 class SceneCache:
-    """Results for a scene that do not depend on the camera.
-
-    Each picture of the scene adds the results that it is the first to need.
-    """
+    """Results for a scene that do not depend on the camera, added as pictures need them."""
 
     results: Results = field(default_factory=Results)
     world: World | None = None
@@ -141,13 +138,7 @@ def draw(
     keep: Collection[str] = (),
     progress: Progress = None,
 ) -> Frame:
-    """Draw a scene from one camera.
-
-    Every pixel gets the number of samples set by `RenderOptions.supersampling`. See
-    `texbake.rendering.render.draw_picture` for adaptive samples.
-
-    `keep`: data that the frame holds beside its color: `normals`.
-    """
+    """Draw a scene from one camera with a fixed number of samples per pixel."""
     frame, state = _draw(prepared, prepared.request(camera, keep), Stages(progress))
     return frame if state.options.mapping_order == "screen" else in_texture_order(frame, state)
 

@@ -126,10 +126,7 @@ def colors_from(source: MapSource, *, color: bool = True) -> FloatImage:
 
 
 def channel_of(source: MapSource, channel: int, *, color: bool = False) -> FloatImage:
-    """(H, W, 1) float32: one channel of a map; its last channel if it has fewer.
-
-    Values that are not finite become 0.
-    """
+    """(H, W, 1) float32: one channel of a map, the last if it has fewer; 0 for NaN and inf."""
     pixels, name = _pixels_of(source, color=color)
     image = _channels(pixels, name, 1, cut=False)
     channel = min(channel, image.shape[2] - 1)
@@ -139,10 +136,7 @@ def channel_of(source: MapSource, channel: int, *, color: bool = False) -> Float
 def colors_and_opacity_from(
     source: MapSource, *, color: bool = True
 ) -> tuple[FloatImage, FloatImage | None]:
-    """Linear colors (H, W, 3) of a texture, and its opacity (H, W, 1) if it has any.
-
-    The opacity is the last of two or four channels. Apart from that, as `colors_from`.
-    """
+    """Linear colors (H, W, 3) and opacity (H, W, 1), the last of two or four channels."""
     pixels, _ = _pixels_of(source, color=color)
     colors = colors_from(pixels)
     if pixels.shape[2] not in _WITH_OPACITY:

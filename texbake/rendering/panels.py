@@ -69,10 +69,7 @@ def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatI
 def sheets(
     panels: Sequence[Panel], seen: npt.NDArray[np.bool_]
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
-    """(H', W'', 3) and (H', W', 3): sRGB codes of all pictures but the last in a row, and of all.
-
-    They are cropped to the pixels that are seen.
-    """
+    """Codes in sRGB, cropped, of all pictures but the last in a row, and of all."""
     require_library("PIL", "text in pictures")
     from PIL import Image, ImageDraw
 

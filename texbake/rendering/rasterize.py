@@ -108,10 +108,7 @@ def project(
     *,
     threads: int | None = None,
 ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
-    """Snap vertices to the grid of the screen: (V, 2) int32, and their depths z / w (V,).
-
-    The column is `OFF_GRID` for vertices behind the near plane and outside the guard band.
-    """
+    """Vertices (V, 2) on the grid, `OFF_GRID` outside of the guard band, and depths z / w (V,)."""
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
     kernel = partial(core.project_vertices, positions, clip_from_world, width, height, grid, depths)

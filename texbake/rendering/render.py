@@ -167,11 +167,7 @@ def draw_picture(
     progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> Frame:
-    """Draw a prepared scene from one camera, with fixed or adaptive samples by its options.
-
-    The parameters and errors are those of `texbake.rendering.draw.draw`, with the `clock` of a time
-    budget.
-    """
+    """Draw a prepared scene from one camera, with fixed or adaptive samples by its options."""
     if prepared.options.is_adaptive:
         # Imported here, so that pictures with fixed samples do not load it.
         from texbake.rendering.adaptive_pixels.samples import draw_adaptively

@@ -95,10 +95,7 @@ class Frame:
 
     @property
     def normals(self) -> FloatImage:
-        """(H, W, 3) float32: mean of the unit shading normals in world space, normalized.
-
-        0 where there is no surface.
-        """
+        """(H, W, 3) normalized mean of the unit shading normals in world space; 0 without any."""
         if self._normals is None:
             raise OptionError('frame: it has no normals; draw it with keep=("normals",)')
         return self._normals
@@ -115,10 +112,7 @@ class Frame:
 
     @property
     def face_ids(self) -> IntArray:
-        """(H, W) int32: index of the nearest opaque drawn triangle in the pixel; -1 for none.
-
-        Triangles are numbered consecutively over all objects, in the order of the scene.
-        """
+        """(H, W) nearest opaque triangle, numbered over all objects in scene order; -1 for none."""
         return self._nearest[0]
 
     @property
@@ -132,10 +126,7 @@ class Frame:
         return {name: asdict(part) for name, part in parts.items() if part is not None}
 
     def write(self, path: PathLike, *, threads: int | None = None) -> None:
-        """Write the color to an image file, with an alpha channel unless every pixel is opaque.
-
-        Raises the same errors as `texbake.texture.image.write_image`.
-        """
+        """Write the color to an image file, with an alpha channel unless every pixel is opaque."""
         opaque = bool((self.color[..., 3] == 1.0).all())
         write_image(
             self.color[..., :3] if opaque else self.color, path, color=True, threads=threads

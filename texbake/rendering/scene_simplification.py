@@ -121,11 +121,7 @@ def simplify_scene(
     *,
     keeps_materials: bool = False,
 ) -> tuple[Scene, RenderOptions, tuple[SkippedEffect, ...]]:
-    """Return a scene and its options without what changes no pixel, and what that was.
-
-    `keeps_materials` says whether something else than shading may read materials, such as a buffer
-    that is shown or an effect of the caller's own. Only what is 0 is left out of them then.
-    """
+    """Return a scene and its options without what changes no pixel, and what that was."""
     found: list[SkippedEffect] = []
     original = scene
     zeros = (partial(without_zeros, effects),)

@@ -168,10 +168,7 @@ RUN = 4
 
 @dataclass(frozen=True, kw_only=True)
 class PictureSampling(SamplingReport):
-    """Report on the adaptive samples of a picture.
-
-    All samples of a triangle within one cell of a pixel share one shading.
-    """
+    """Report on the adaptive samples of a picture."""
 
     shaded_percents: dict[int, float]  # percentage of pixels by their number of shaded cells
     # Cells shaded per pixel that shows a surface, including cells replaced by finer ones

@@ -210,11 +210,7 @@ class PictureRounds:
         self._state = self._adaptive.state
 
     def predicted_errors(self) -> tuple[Float32Array, Float32Array]:
-        """Errors in closest bounds, and what samples cost below them, for all next steps.
-
-        Twice as many cells along a side halve the error of the shading; that of edges falls with
-        the power of 1.5 of the samples along a side.
-        """
+        """Errors in closest bounds, and what samples cost below them, for all next steps."""
         shaded, seen = (
             side.astype(np.float32) for side in (self._adaptive.shaded, self._adaptive.seen)
         )

@@ -176,11 +176,7 @@ def placed_image(
     name: str,
     space: str = "",
 ) -> LoadedImage:
-    """Read a texture as an image of level 0 with its filter, wrap mode and transform.
-
-    If the texture sets no wrap mode, it follows from the texture coordinates `uvs`. Messages call
-    the texture `name`.
-    """
+    """Read a texture at level 0; its wrap mode follows from `uvs` if it sets none."""
     n_channels = pixels.shape[2]
     radians = math.radians(texture.rotate)
     turn = np.array(
@@ -295,10 +291,7 @@ def look_up(
 
 
 def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:
-    """(n, C) float32: values of an image at texture coordinates of the mesh.
-
-    `changes` (n, 4) are the derivatives per pixel, for filters with a footprint; else None.
-    """
+    """(n, C) values of an image at uvs; `changes` (n, 4) per pixel for filters with a footprint."""
     values = sample(
         image.chain,
         image.place(at),

@@ -51,10 +51,7 @@ class PlacedLight:
 
     @property
     def axes(self) -> FloatArray:
-        """(3, 3): rows right, up and back of a camera that looks along the light.
-
-        If the light points along its `up`, the world axis farthest from it is used instead.
-        """
+        """(3, 3): rows right, up and back of a camera that looks along the light."""
         upward = self.up
         right = np.cross(upward, -self.direction)
         if pm.norm(right) <= _PARALLEL * pm.norm(upward):

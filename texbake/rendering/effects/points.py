@@ -58,11 +58,7 @@ def map_mesh(state: RenderState, target: int) -> MappedMesh:
 
 
 def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
-    """Growth of the barycentric weights per unit of u, then per unit of v.
-
-    `corner_uvs` (F, 3, 2) float64. Returns (F, 4) float64: all 0 for triangles without area on the
-    texture.
-    """
+    """(F, 4) growth of barycentric weights per unit of u, then of v; 0 without area."""
     along, up = corner_uvs[:, 1] - corner_uvs[:, 0], corner_uvs[:, 2] - corner_uvs[:, 0]
     area = along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0]
     inverse = np.stack([up[:, 1], -along[:, 1], -up[:, 0], along[:, 0]], axis=1)
@@ -70,11 +66,7 @@ def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
 
 
 def steps_along_surface(corners: FloatArray) -> FloatArray:
-    """Growth of the barycentric weights per unit along the first edge, then per unit across it.
-
-    `corners` (F, 3, 3) float64. Returns (F, 4) float64: across is to the left of the edge, seen
-    from the front. All 0 for triangles without area.
-    """
+    """(F, 4) growth of barycentric weights along the first edge, then across to its left."""
     along, up = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     length = pm.norm(along, axis=1)
     area = pm.norm(np.cross(along, up), axis=1)

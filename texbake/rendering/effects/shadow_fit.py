@@ -64,11 +64,7 @@ def shading_pairs(
 
 
 def may_shade(light: PlacedLight, caster: Box, receiver: Box) -> bool:
-    """Whether a caster's box can lie between a light and a receiver's box.
-
-    The test is conservative: it may return True wrongly. Except for flat casters, it uses the
-    bounding spheres of the boxes.
-    """
+    """Whether a caster's box may lie between a light and a receiver's box; conservative."""
     if _is_before(light, caster, receiver):
         return False
     (from_, near), (to, far) = _ball(caster), _ball(receiver)
@@ -190,11 +186,7 @@ def parallel_view(
 def seen_bounds(
     state: RenderState, placed: PlacedLight, receivers: Sequence[int]
 ) -> dict[int, FloatArray]:
-    """Bounds (2, 3) along a light's axes of the visible part of each receiver.
-
-    Transparent objects, which the visibility buffer does not hold, get the bounds of their box. For
-    objects that are not visible the minimum is greater than the maximum.
-    """
+    """Bounds (2, 3) along a light's axes of the visible part of receivers, or of their box."""
     visibility = state.visible.visibility
     height, width = visibility.face_ids.shape
     receives = np.zeros(state.world.n_objects, np.bool_)

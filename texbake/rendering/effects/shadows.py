@@ -126,10 +126,7 @@ def shadowed_radiance(
 def _pairs(
     request: RenderRequest, index: int, state: RenderState | None = None
 ) -> list[Pair] | str:
-    """List pairs of casters and receivers for a light, or say why there are none.
-
-    With a state, visibility and the size of displaced objects are taken into account.
-    """
+    """List pairs of casters and receivers for a light, or say why there are none."""
     objects = request.scene.objects
     casters = [i for i, item in enumerate(objects) if item.casts_shadows]
     receivers = [i for i in request.lit if objects[i].receives_shadows]

@@ -249,11 +249,7 @@ def projector_matrix(
     fov: float = 35.0,
     aspect: float = 1.0,
 ) -> FloatArray:
-    """Matrix of a projector at a position that looks at a target.
-
-    `position`, `target`, `up`: as for a camera, in world space; `fov`: vertical field of view in
-    degrees. Returns (4, 4) float64.
-    """
+    """(4, 4) matrix of a projector in world space, its vertical `fov` in degrees."""
     if not 0.0 < aspect < math.inf:
         raise OptionError(f"aspect: {aspect} is not above 0; it is width over height")
     # The near plane does not affect s, t and q.

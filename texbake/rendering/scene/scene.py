@@ -223,10 +223,7 @@ def apply_mapping(item: SceneObject, *, threads: int | None = None) -> SceneObje
 
 
 def place_mesh(item: SceneObject) -> Mesh:
-    """Return the mesh of an object in world space; the mesh itself if it has no transform.
-
-    The texture coordinates that a mapping replaces are left out; see `apply_mapping`.
-    """
+    """Return the mesh of an object in world space, without uvs that a mapping replaces."""
     mesh = item.mesh
     if item.mapping is not None and item.mapping.uv_set is None and item.mapping.only is None:
         mesh = mesh.replace(uvs=None, uv_faces=None, tangents=None)

@@ -175,10 +175,7 @@ def _is_list(value: object, n: int | None) -> bool:
 
 
 def numbers(n: int | None, *, or_one: bool = False) -> Any:
-    """Type of a list of n finite numbers (None: one or more), which becomes a tuple.
-
-    With `or_one`, a single number is accepted, too, and repeated n times.
-    """
+    """Type of a list of n finite numbers (None: one or more); `or_one` also takes one for all."""
     ends = {} if n is None else {"minItems": n, "maxItems": n}
     schema = {"type": "array", "items": {"type": "number"}, **(ends or {"minItems": 1})}
     wanted = f"a list of {_COUNTS.get(n, n)} numbers" if n is not None else "a list of numbers"
