@@ -38,11 +38,7 @@ _PLACES = {
 
 
 def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
-    """Convert faces (6, S, S, C) of a `CubeMap` to a convention, or back; both are the same.
-
-    For "inside", the four sides are mirrored left to right. The top and the bottom are mirrored up
-    and down, so that they continue the side along -z.
-    """
+    """Mirror faces (6, S, S, C) of a `CubeMap` into a convention, or back."""
     require_known("convention", convention, CONVENTIONS)
     if convention == "opengl":
         return faces
@@ -52,10 +48,7 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
 
 
 def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> npt.NDArray[np.float32]:
-    """Unfold a cube map into a cross.
-
-    Returns (3 S, 4 S, C) float32: 0 outside the faces.
-    """
+    """(3 S, 4 S, C) cross of an unfolded cube map, 0 outside the faces."""
     faces = in_convention(cube.faces, convention)
     size = cube.size
     picture = np.zeros((3 * size, 4 * size, cube.n_channels), np.float32)

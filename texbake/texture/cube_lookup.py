@@ -96,10 +96,7 @@ _LATITUDE_BAND = 1 << 17
 def from_latitude_longitude(
     image: npt.NDArray[Any], *, size: int | None = None, threads: int | None = None
 ) -> CubeMap:
-    """Convert a latitude-longitude image to a cube map.
-
-    `image` (H, W, C) float32, linear, row 0 at the top; `size`: side of a face in texels.
-    """
+    """Cube map with faces of `size` texels of a linear (H, W, C) image, row 0 at the top."""
     pixels = require_image(image)
     height, width, n_channels = pixels.shape
     size = max(width // 4, 1) if size is None else size
@@ -117,10 +114,7 @@ def from_latitude_longitude(
 def to_latitude_longitude(
     cube: CubeMap, *, height: int | None = None, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Convert a cube map to a latitude-longitude image.
-
-    Returns (height, 2 height, C) float32.
-    """
+    """(height, 2 height, C) latitude-longitude image of a cube map."""
     height = 2 * cube.size if height is None else height
     require_least("height", height)
     texels = cube.bordered.reshape(-1, cube.n_channels)

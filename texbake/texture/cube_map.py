@@ -84,10 +84,7 @@ class CubeMap:
 
     @classmethod
     def from_views(cls, views: npt.NDArray[Any]) -> CubeMap:
-        """Return the cube map of six images rendered by cameras with `cube_face_axes`.
-
-        `views` (6, S, S, C) float32: images as the cameras see them, row 0 at the top.
-        """
+        """Cube map of views (6, S, S, C) by cameras with `cube_face_axes`, row 0 at the top."""
         return cls(np.asarray(views, np.float32)[:, :, ::-1])
 
 
@@ -114,10 +111,7 @@ def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
 
 
 def face_directions(size: int) -> npt.NDArray[np.float64]:
-    """Return the directions through the centers of all texels.
-
-    Returns (6, size, size, 3) float64, not normalized: their largest component is 1 or -1.
-    """
+    """(6, size, size, 3) directions through texel centers, their largest component 1 or -1."""
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     t, s = np.meshgrid(along, along, indexing="ij")
     directions: npt.NDArray[np.float64] = pm.matmul(
@@ -138,10 +132,7 @@ def texel_directions(size: int) -> npt.NDArray[np.float32]:
 
 @lru_cache(maxsize=16)
 def solid_angles(size: int) -> npt.NDArray[np.float64]:
-    """Return the solid angle of each texel of a face in steradians; six faces sum to 4 pi.
-
-    Returns (size, size) float64: exact, by the integral over each texel. Read-only.
-    """
+    """(size, size) exact steradians of the texels of a face; six faces sum to 4 pi."""
     edges = np.linspace(-1.0, 1.0, size + 1)
     x, y = np.meshgrid(edges, edges)
     # Solid angle of the rectangle from the center of the face to a point on it; differences of
@@ -155,12 +146,7 @@ def solid_angles(size: int) -> npt.NDArray[np.float64]:
 def locate_directions(
     directions: npt.NDArray[np.float64],
 ) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
-    """Return the face, s and t of nonzero directions.
-
-    `directions` (..., 3) float64. Returns `faces` (...) int64: face of the largest component, or of
-    the first one if several are equally large; `st` (..., 2) float64, in [0, 1], s to the right and
-    t down.
-    """
+    """Face (...) int64, of the first largest component, and (s, t) right and down, (..., 2)."""
     heights = pm.matmul(directions, FACE_AXES[:, 2].T)
     faces = np.argmax(heights, axis=-1)
     largest = np.take_along_axis(heights, faces[..., None], axis=-1)
@@ -169,10 +155,7 @@ def locate_directions(
 
 
 def fill_bordered(faces: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
-    """Copy faces into the middle of `out`, and the neighboring texels into its border.
-
-    `faces` (6, S, S, C) float32; `out` (6, S + 2, S + 2, C) float32.
-    """
+    """Copy faces (6, S, S, C) into `out`, (6, S + 2, S + 2, C), with neighbors as border."""
     out[:, 1:-1, 1:-1] = faces
     for side, (neighbors, rows, columns) in zip(
         (out[:, 1:-1, 0], out[:, 1:-1, -1], out[:, 0, 1:-1], out[:, -1, 1:-1]),
@@ -268,13 +251,7 @@ class CubeChain:
 
 
 def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> CubeMap:
-    """Scale a cube map down, with means weighted by solid angle.
-
-    The integral over all directions is preserved, exactly if the old size is a multiple of the new
-    one. A constant cube map gives exactly its constant.
-
-    `size`: side of a face in texels, at most that of the cube map.
-    """
+    """Scale a cube map down, with means by solid angle that keep constants and the integral."""
     if not 1 <= size <= cube.size:
         raise OptionError(f"size: {size} is not from 1 to {cube.size}, the size of the cube map")
     if size == cube.size:

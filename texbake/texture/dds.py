@@ -65,11 +65,7 @@ def write_dds(
     mipmaps: bool = True,
     threads: int | None = None,
 ) -> None:
-    """Write an image as a block-compressed DDS file.
-
-    `values` (H, W, C) float32; `kind`: "color" (sRGB, averaged in linear light), "data" or
-    "normal".
-    """
+    """Write a linear (H, W, C) image as block-compressed DDS of a "color", "data" or "normal"."""
     if Path(path).suffix.lower() != ".dds":
         raise FileFormatError(f"{path}: block-compressed textures are DDS files; give a .dds name")
     require_known("block_format", block_format, BLOCK_FORMATS)

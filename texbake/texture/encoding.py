@@ -139,10 +139,7 @@ def quantize_points(
     *,
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Quantize points (..., 3) float32 between two corners, (3,), to codes from 0 to the greatest.
-
-    Along an axis without extent the code is 0, which decodes to the one coordinate.
-    """
+    """Codes of points (..., 3) between two corners; 0 along an axis without extent."""
     sizes = np.where(high > low, high - low, 1.0)
     factors = np.full(3, float(max_code(bits)))
     return _quantized(points, bits, factors, np.zeros(3), threads, lows=low, sizes=sizes)

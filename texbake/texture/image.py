@@ -52,10 +52,7 @@ GREATEST_HALF = 65504.0
 
 @dataclass(frozen=True, repr=False)
 class Image:
-    """Pixels of an image file, with its metadata and its format.
-
-    `np.asarray` returns the pixels; a notebook shows the image.
-    """
+    """Pixels of an image file, also by `np.asarray` and in notebooks, with metadata and format."""
 
     # (H, W, C) float32: linear values. Integer codes are scaled to [0, 1].
     pixels: npt.NDArray[np.float32]
@@ -368,10 +365,7 @@ def decode_image(data: bytes, name: str, *, color: bool, threads: int | None = N
 
 
 def require_whole(image: PathLike | bytes, name: str = "") -> None:
-    """Raise `FileFormatError` if an image is damaged: PNG by its checksums, others by decoding.
-
-    `image` is a file, or the bytes of one with a name for messages.
-    """
+    """Raise `FileFormatError` if an image is damaged: PNG by its checksums, others by decoding."""
     with _as_file(image, name) if isinstance(image, bytes) else nullcontext(image) as path:
         _opened(path)[0].close()
         if not is_png(path):

@@ -48,10 +48,7 @@ def write_images(
     bits: int | None = None,
     threads: int | None = None,
 ) -> None:
-    """Write several images. If one of them cannot be written, none is.
-
-    `images`: pixels (H, W, C) by file.
-    """
+    """Write several images (H, W, C); if one of them cannot be written, none is."""
     for file, pixels in images.items():
         check_image_format(
             file, check_image_format(file, bits, color=color), channels=pixels.shape[2]
@@ -76,11 +73,7 @@ def suffix_like(source: Image) -> str:
 
 
 def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> int | None:
-    """Return the bits per channel for an image derived from a source, to keep its precision.
-
-    None selects the default of the format. A source with 16-bit codes or with floats keeps its bits
-    if the format supports them, and floats beyond the range of half floats get 32 bits.
-    """
+    """Bits per channel that keep the precision of a source; None for the default of the format."""
     wanted = 32 if source.is_float else source.bits
     if Path(path).suffix.lower() == ".exr":
         return 32 if np.abs(pixels).max() > GREATEST_HALF else None
@@ -105,10 +98,7 @@ def write_normals(
     bits: int | None = None,
     threads: int | None = None,
 ) -> None:
-    """Write a normal map in tangent space.
-
-    `normals` (H, W, 3) float32: unit vectors, y up.
-    """
+    """Write tangent-space unit vectors (H, W, 3), y up, as a normal map."""
     bits = check_image_format(path, bits, channels=3, lossless=True)
     code_bits = 32 if holds_floats(path, bits) else bits
     pixels = encode_normals(normals, bits=code_bits, convention=convention, threads=threads)
@@ -123,10 +113,7 @@ def write_heights(
     bits: int | None = None,
     threads: int | None = None,
 ) -> tuple[float, float]:
-    """Write a height map; return its mid level and its scale.
-
-    `heights` (H, W) float32: distances in model units.
-    """
+    """Write heights (H, W) in model units as a map; return its mid level and its scale."""
     bits = check_image_format(path, bits, channels=1, lossless=True)
     mid, scale = 0.0, 1.0
     code_bits = 32 if holds_floats(path, bits) else bits
@@ -233,10 +220,7 @@ def encoding_of(codes: npt.NDArray[np.uint8], encoding: str) -> str:
 
 
 def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32]:
-    """Read a volume.
-
-    Returns (D, H, W, 1 or 3) float32.
-    """
+    """Read a volume (D, H, W, 1 or 3) float32."""
     if not isinstance(source, str | os.PathLike):
         slices = [read_image(path, color=False).pixels[:, :, :1] for path in source]
         for path, layer in zip(source, slices, strict=True):

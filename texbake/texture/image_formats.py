@@ -94,10 +94,7 @@ def check_image_format(
     channels: int | None = None,
     lossless: bool = False,
 ) -> int:
-    """Check that an image can be written in a format; return its bits per channel.
-
-    Long jobs call this before they start.
-    """
+    """Check before a long job that a format can be written; return its bits per channel."""
     kind = format_of(path)
     if lossless and kind is JPEG:
         raise OptionError(f"{path}: JPEG changes what it is given; use png, exr, tif or tga")

@@ -59,10 +59,7 @@ def wrap_pair(wrap: Wrap) -> tuple[str, str]:
 
 
 def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[np.float32]:
-    """Return the values outside an image with a border, one per channel.
-
-    `border` float, (1,) or (C,). Returns (C,) float32.
-    """
+    """(C,) float32 values outside an image with a border, one per channel."""
     out = np.empty(n_channels, np.float32)
     try:
         out[:] = 0.0 if border is None else border
@@ -116,11 +113,7 @@ def lookup(
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Sample an image at texture coordinates, bilinearly with float64 weights.
-
-    `image` (H, W, C) float32, linear values, row 0 at the top; `uvs` (..., 2) float64; `border`
-    float or (C,). Returns (..., C) float32.
-    """
+    """Sample (H, W, C), linear, row 0 at the top, bilinearly at uvs (..., 2)."""
     code = wrap_codes(wrap)
     image = require_image(image)
     uvs = np.asarray(uvs, dtype=np.float64)
@@ -180,11 +173,7 @@ def volume_lookup(
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> npt.NDArray[np.float32]:
-    """Sample a volume at points.
-
-    `volume` (D, H, W, C) float32; `points` (n, 3) float64; `border` float or (C,). Returns (n, C)
-    float32; a constant volume gives exactly its constant where the border is not read.
-    """
+    """Sample (D, H, W, C) at points (n, 3); a constant volume gives exactly its constant."""
     code = wrap_code(wrap)
     require_known("filter", filter, VOLUME_FILTERS)
     volume = np.require(volume, np.float32, ["C", "A"])

@@ -83,10 +83,7 @@ def check_gray(image: Image, what: str) -> None:
 
 
 def gltf_images(materials: Materials, *, threads: int | None = None) -> Materials:
-    """Return materials whose images have the layout that glTF reads.
-
-    Channels that share a texture in glTF share an image.
-    """
+    """Return materials whose channels share images in the layout that glTF reads."""
     arranger = _Arranger(threads)
     changed = tuple(arranger.arranged(i, item) for i, item in enumerate(materials.materials))
     return replace(materials, materials=changed, missing=tuple(arranger.missing))

@@ -79,10 +79,7 @@ class MipChain:
 
 
 def single_level(image: npt.NDArray[Any]) -> MipChain:
-    """Return a chain of one level; it shares the memory of a contiguous float32 image.
-
-    `image` (H, W, C) float32.
-    """
+    """Chain of one level; it shares the memory of a contiguous (H, W, C) float32 image."""
     image = require_image(image)
     height, width, n_channels = image.shape
     return MipChain(
@@ -162,11 +159,7 @@ def _taps(
     filter: str,  # noqa: A002
     wrap: int,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
-    """Return the texels that each texel of a smaller level averages along one axis, with weights.
-
-    Returns `indices`, `weights` (smaller, T) int64 and float32: weights sum to 1 up to rounding.
-    The first index is always one of the nearest.
-    """
+    """(smaller, T) texels that each texel of a smaller level averages on an axis, and weights."""
     places = np.arange(smaller)[:, None]
     if filter == "box" or size == smaller:
         # Texel i covers [i size, (i + 1) size), in units of 1 / smaller of a texel of the larger

@@ -63,10 +63,7 @@ class PackedTextures:
         return n_filled / float(height * width)
 
     def remapped(self, mesh: Mesh, index: int) -> Mesh:
-        """Return a mesh with its texture coordinates moved to the place of its image.
-
-        `mesh`: a mesh with texture coordinates in the unit square.
-        """
+        """Return a mesh with its uvs, in the unit square, moved to the place of its image."""
         mesh.corner_uvs()  # raises if there are none
         assert mesh.uvs is not None and mesh.uv_faces is not None
         used = np.zeros(len(mesh.uvs), dtype=np.bool_)

@@ -81,11 +81,7 @@ FloatImage = npt.NDArray[np.float32]
 def push_pull(
     values: npt.NDArray[Any], mask: npt.NDArray[np.bool_], *, threads: int | None = None
 ) -> FloatImage:
-    """Fill the texels outside `mask` smoothly from those inside it.
-
-    `values` (H, W, C) float32; `mask` (H, W) bool: texels to keep. Returns (H, W, C) float32: a new
-    array, bit-equal to `values` inside `mask`. If the mask is empty, it equals `values` everywhere.
-    """
+    """Fill texels (H, W, C) outside `mask` smoothly; inside, they stay bit-equal."""
     level = np.array(values, np.float32)
     valid = np.require(mask, np.bool_, ["C", "A"])
     levels = [(level, valid)]

@@ -76,11 +76,7 @@ def png_parts(
 
 
 def picture_png(pixels: npt.NDArray[Any], *, is_color: bool, is_averaged: bool = True) -> bytes:
-    """Return an image (H, W, C) as a PNG file for a notebook, with 8 bits per channel.
-
-    Floats are linear; where `is_color`, they are stored as sRGB. Images of more than 1,024 pixels
-    along a side are scaled down: each block of pixels becomes its mean, or its first pixel.
-    """
+    """PNG of (H, W, C) for notebooks, at most 1,024 px; linear floats as sRGB if `is_color`."""
     height, width, n_channels = pixels.shape
     step = -(-max(height, width) // _MOST_SHOWN)
     down, across = min(step, height), min(step, width)

@@ -56,11 +56,7 @@ _TAIL_POWER = 3
 
 
 def irradiance(cube: CubeMap, *, size: int = 32, threads: int | None = None) -> CubeMap:
-    """Compute the irradiance of a diffuse surface by its normal, divided by pi.
-
-    `cube`: radiance by direction; `size`: side of a face of the result in texels. Returns CubeMap:
-    mean radiance over the hemisphere, weighted by cosine.
-    """
+    """Cube map of mean radiance over the hemisphere of a normal, weighted by cosine."""
     require_least("size", size)
     source = shrink_cube(cube, min(cube.size, _IRRADIANCE_SOURCE), threads=threads)
     normals = texel_directions(size).reshape(-1, 3)
@@ -81,11 +77,7 @@ def specular_levels(
     samples: int = 1024,
     threads: int | None = None,
 ) -> CubeChain:
-    """Prefilter a cube map for specular reflections, with one level per roughness.
-
-    `cube`: radiance by direction; `size`: side of a face of level 0 in texels. Returns CubeChain:
-    radiance by reflected direction; level i is for roughness i / (n_levels - 1).
-    """
+    """Prefilter a cube map for reflections; level i is for roughness i / (n_levels - 1)."""
     require_least("n_levels", n_levels)
     require_least("size", size)
     require_least("samples", samples, 16)
@@ -115,11 +107,7 @@ def hammersley(n_points: int) -> npt.NDArray[np.float64]:
 
 
 def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.float64]:
-    """Sample the reflection lobe of a rough mirror that is seen along its normal.
-
-    Returns (n, 5) float64: x, y, z, with the normal along z; the level of the source to read; the
-    weight.
-    """
+    """(n, 5): x, y, z, level of the source and weight, for a lobe seen along its normal, z."""
     points = hammersley(samples)
     alpha2 = roughness**4
     rest = pm.power(1 - points[:, 0], _TAIL_POWER)

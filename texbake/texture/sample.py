@@ -165,11 +165,7 @@ def sample_texture(
 def mip_levels(
     derivatives: npt.NDArray[Any], width: int, height: int, *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Return the mip level that `trilinear` filtering reads for each pixel.
-
-    `derivatives` (n, 4) float32, as for `sample`; `width`, `height`: size of the finest level in
-    texels. Returns (n,) float32: negative where the image is magnified.
-    """
+    """(n,) mip level that `trilinear` reads, by derivatives (n, 4); negative if magnified."""
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)
     work = partial(core.find_mip_levels, changes, width, height, out)

@@ -26,11 +26,7 @@ _BAND = 1 << 19
 def channel_ranges(
     values: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, threads: int | None = None
 ) -> npt.NDArray[np.float32]:
-    """Return the minimum and maximum finite value of each channel over the covered texels.
-
-    `values` (H, W) or (H, W, C) float32; `covered` (H, W) bool. Returns (C, 2) float32: (inf, -inf)
-    for a channel without such a value.
-    """
+    """(C, 2) least and greatest finite values of covered texels; (inf, -inf) without any."""
     rows, texels = _of_texels(values, covered)
     nothing = np.tile(np.array([np.inf, -np.inf], np.float32), (rows.shape[1], 1))
     found = [nothing]
@@ -53,11 +49,7 @@ def height_range(
     mid: float | None = None,
     threads: int | None = None,
 ) -> tuple[float, float]:
-    """Return the mid level and scale that map heights d to [0, 1], with d = (h - mid) * scale.
-
-    `heights` (H, W) or (H, W, C) float32: signed distances in model units; `covered` (H, W) bool:
-    texels to take into account. The scale is in model units from black to white.
-    """
+    """Mid level and scale, in model units, for covered heights d = (h - mid) * scale in [0, 1]."""
     mid = (max_code(bits) + 1) / 2 / max_code(bits) if mid is None else mid
     if not 0.0 <= mid <= 1.0:
         raise OptionError(f"mid: {mid} is not a level between 0 and 1")
@@ -79,10 +71,7 @@ def count_clipped(
     scale: float,
     threads: int | None = None,
 ) -> int:
-    """Count the covered heights that integer codes clip with this mid level and scale.
-
-    The arrays are those of `height_range`.
-    """
+    """Count the covered heights that integer codes clip with this mid level and scale."""
     values, texels = _of_texels(heights, covered)
     counts: list[int] = []
 
@@ -102,10 +91,7 @@ def size_at_percentile(
     *,
     threads: int | None = None,
 ) -> float:
-    """Return the size that the given percentage of values do not exceed, interpolated.
-
-    The arrays are those of `height_range`, without NaN. 0 without covered texels.
-    """
+    """Size that a percentage of covered values do not exceed, interpolated; 0 without any."""
     rows, texels = _of_texels(values, covered)
 
     def counts_of(count: Callable[[npt.NDArray[np.int64], int, int], None]) -> IntArray:

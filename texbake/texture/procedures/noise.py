@@ -262,10 +262,7 @@ _N_MEASURED = 1 << 14
 
 
 def worley(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
-    """Return F1 or F2 - F1 in cell widths, clamped to 1.
-
-    If the parameter `dimensions` is None, the points determine the number of dimensions.
-    """
+    """Return F1 or F2 - F1 in cell widths, clamped to 1, in `dimensions` or those of the points."""
     n_dimensions = parameters["dimensions"] or samples.n_dimensions
     feature, jitter, seed = (parameters[key] for key in ("feature", "jitter", "seed"))
     mean = _worley_mean(feature, jitter, n_dimensions, seed) if samples.widths is not None else 0.0
