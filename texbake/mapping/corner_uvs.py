@@ -36,23 +36,13 @@ class Projected:
 
 
 def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
-    """Give a mesh texture coordinates by corner.
-
-    Corners of one vertex with equal coordinates share one entry.
-
-    `corners` (F, 3, 2) float64. The result shares positions and faces with `mesh`; tangents are
-    dropped, since they belong to the old coordinates.
-    """
+    """Give a mesh coordinates (F, 3, 2) by corner, equal ones of a vertex once; drop tangents."""
     uvs, uv_faces = joined_corners(mesh.faces, corners)
     return mesh.replace(uvs=uvs, uv_faces=uv_faces, tangents=None)
 
 
 def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Weld the coordinates of corners that belong to the same vertex.
-
-    `faces` (F, 3) int32; `corners` (F, 3, 2) float64. Returns `uvs` (T, 2) float64; `uv_faces` (F,
-    3) int32.
-    """
+    """Weld coordinates (F, 3, 2) of corners at a vertex into uvs (T, 2) and uv_faces (F, 3)."""
     flat = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
     # Rows are welded by values of one type; a vertex index is exact as a float64.
     firsts = weld_rows(np.column_stack([faces.ravel(), flat]))
@@ -109,19 +99,13 @@ def signed_areas(corners: FloatArray) -> FloatArray:
 
 
 def surface_areas(corners: FloatArray) -> FloatArray:
-    """Area of each triangle in space.
-
-    `corners` (F, 3, 3) float64. Returns (F,) float64: 0 for a triangle without area.
-    """
+    """(F,) areas of triangles (F, 3, 3) in space."""
     crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(pm.norm(crosses, axis=1) / 2.0)
 
 
 def unmeasurable_size(mesh: Mesh) -> tuple[float, float] | None:
-    """Length and greatest coordinate of a mesh whose areas would leave the range of float64.
-
-    None if areas, and their squares, stay within it.
-    """
+    """Length and greatest coordinate of a mesh whose squared areas leave float64; else None."""
     with np.errstate(over="ignore"):
         low, high = mesh.bounds
         length = float((high - low).max())

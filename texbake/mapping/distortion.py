@@ -141,10 +141,7 @@ class Distortion:
         return rows
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values; an infinite value becomes None.
-
-        The fields of `stretch` stand beside the other figures.
-        """
+        """Return everything, with the fields of `stretch`, as plain values; None for infinite."""
         return {
             **self.stretch.to_json(),
             **{name: getattr(self, name) for name in _FIGURES},

@@ -173,10 +173,7 @@ class _Walks:
 
     @classmethod
     def along(cls, tails: Points, heads: Points, *, directed: bool) -> _Walks:
-        """Build walks greedily along lines between places, which any numbers stand for.
-
-        Directed lines form closed loops if as many lead to each place as away from it.
-        """
+        """Build walks greedily along lines between numbered places; directed ones form loops."""
         n = len(tails)
         places, numbers = np.unique(np.concatenate([tails, heads]), return_inverse=True)
         froms, tos = (numbers[:n], numbers[n:]) if directed else (numbers, np.roll(numbers, n))
@@ -200,10 +197,7 @@ class _Walks:
         return np.concatenate([[0], self.ends[:-1]])[: len(self.ends)]
 
     def of_points(self, points: Points, *, closed: bool) -> list[str]:
-        """Path data of each walk through the points of its places; "z" closes `closed` ones.
-
-        `points` (n, 2) int64.
-        """
+        """Path data of each walk through points (n, 2) of its places; "z" closes `closed` ones."""
         stops = np.empty(len(self.ends), dtype=np.int64)
         n_bytes = core.write_walks(points, self.ends, closed, None, stops)
         text = np.empty(n_bytes, dtype=np.uint8)

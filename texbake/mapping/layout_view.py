@@ -77,11 +77,7 @@ class LayoutWindow:
 
     @classmethod
     def around(cls, uvs: FloatArray, size: int | tuple[int, int]) -> LayoutWindow:
-        """Window that contains the unit square, every face with area, and the tiles they lie in.
-
-        `uvs` (F, 3, 2) float64; `size`: pixels of a picture of one tile; a picture of several has
-        the same longer side.
-        """
+        """Window of the unit square and tiles of faces (F, 3, 2); `size` px for one tile."""
         sides = np.array([size, size] if isinstance(size, int) else size, dtype=np.float64)
         shown = uvs[signed_areas(uvs) != 0.0]
         low, high = np.zeros(2), np.ones(2)
@@ -126,11 +122,7 @@ class LayoutWindow:
 def face_colors(
     mesh: Mesh, charts: IntArray, size: int | tuple[int, int], heat: bool
 ) -> FloatArray:
-    """Colors of faces, by chart or by stretch; mirrored faces are red.
-
-    `charts` (F,) int32; `size`: size of the texture, of which only the aspect ratio matters.
-    Returns (F, 3) float64: sRGB-coded.
-    """
+    """(F, 3) sRGB colors of faces, by chart or by stretch; mirrored faces are red."""
     colors = _heat_colors(mesh, size) if heat else _chart_palette(int(charts.max()) + 1)[charts]
     colors[signed_areas(mesh.corner_uvs()) < 0.0] = MIRRORED
     return colors
@@ -194,11 +186,7 @@ def _on_tile(values: FloatArray) -> FloatArray:
 
 
 def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
-    """Draw a line of text, cropped to its glyphs.
-
-    `size`: height of the font in pixels, about 4/3 of the height of a digit. Returns (h, w)
-    float32: share of each pixel that glyphs cover, row 0 at the top. Empty if nothing is drawn.
-    """
+    """(h, w) coverage by the glyphs of a line of text, cropped; `size` is the font's, in px."""
     require_library("PIL", "text in pictures")
     from PIL import Image, ImageDraw, ImageFont
 

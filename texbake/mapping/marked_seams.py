@@ -28,11 +28,7 @@ _CELLS = 2.0**20
 
 
 def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False) -> BoolArray:
-    """Edges of faces along which charts are cut.
-
-    `edges` (E, 2) int: pairs of vertices; `keep`: also the seams of the coordinates of the mesh.
-    Returns (F, 3) bool: True for each edge, from a corner to the next, that is a seam.
-    """
+    """(F, 3) edges to cut along, by pairs of vertices (E, 2); `keep`: also the seams of uvs."""
     marked = seam_edges(mesh) if keep else np.zeros((mesh.n_faces, 3), dtype=bool)
     if edges is None:
         return marked
@@ -71,11 +67,7 @@ def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
 
 
 def read_seams(path: PathLike, mesh: Mesh) -> npt.NDArray[np.int64]:
-    """Read seams of a mesh: the lines (`l`) of an OBJ file, whose points are vertices of the mesh.
-
-    Points of a line that share no edge are joined by the shortest path along edges of polygons.
-    Returns (E, 2) int64: pairs of vertices.
-    """
+    """(E, 2) pairs of vertices from lines (`l`) of an OBJ file, along shortest paths."""
     points, lines = _read_lines(path)
     vertices = _vertices_at(path, points, mesh)
     places = weld_rows(mesh.positions)

@@ -91,10 +91,7 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 
 
 def layout_notes(level: Mesh, finest: Mesh, *, threads: int | None = None) -> list[str]:
-    """Return a sentence if faces of a simplified mesh overlap or are mirrored in the texture.
-
-    There is none where faces of the mesh that it was made from do so, too.
-    """
+    """Sentence if faces of a simplified mesh overlap or are mirrored, unlike its source."""
     if level.uvs is None or finest.uvs is None:
         return []
     n_folded = _n_folded(level, threads)
@@ -136,10 +133,7 @@ def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> In
 
 
 def _along_their_edges(corners: FloatArray) -> FloatArray:
-    """Corners rotated so that long edges lie along an axis, as far as one rotation can do that.
-
-    Bounding boxes of long triangles are then tight.
-    """
+    """Corners rotated so that long edges lie along an axis, which makes their boxes tight."""
     edges = np.roll(corners, -1, axis=1) - corners
     lengths = (edges**2).sum(axis=2)
     # Squared as complex numbers, edges of opposite directions are equal.

@@ -45,10 +45,7 @@ def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
 
 
 def border_edges(mesh: Mesh) -> BoolArray:
-    """Edges that no other face shares in space and in the texture: the outlines of charts.
-
-    Returns (F, 3) bool: True for each edge, from a corner to the next, that is a border.
-    """
+    """(F, 3) edges that no other face shares in space and texture: outlines of charts."""
     return _used_once(edge_ids(_texture_corners(mesh)))
 
 
@@ -67,12 +64,7 @@ def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
 
 
 def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
-    """Total length of the seams, in model units.
-
-    A seam counts once although both its sides are borders of charts.
-
-    `faces` (F,) bool: the faces to look at, as if there were no others.
-    """
+    """Total length of the seams of `faces` (F,), or all, in model units, each counted once."""
     rows, starts = np.nonzero(seam_edges(mesh, faces))
     tails = mesh.positions[mesh.faces[rows, starts]]
     heads = mesh.positions[mesh.faces[rows, (starts + 1) % 3]]
@@ -80,11 +72,7 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
 
 
 def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
-    """Components of faces that share an edge.
-
-    `edges` (F, 3) int64: from `edge_ids`. Returns (F,) int32: numbered from 0 in the order of their
-    first faces.
-    """
+    """(F,) components of faces that share an `edge_ids` edge, numbered by their first faces."""
     # Edges take the place of vertices: faces that share one are connected.
     components, _ = face_components(edges.astype(np.int32), int(edges.max(initial=-1)) + 1)
     return components

@@ -49,11 +49,7 @@ class StackedIslands:
 
     @classmethod
     def of(cls, mesh: Mesh, baked: Sequence[str] = ()) -> StackedIslands:
-        """Find the islands of a mesh that coincide, and choose one of each stack.
-
-        `baked`: numbers of faces, or names of groups, whose islands are chosen. Else it is the
-        first island in the unit square, or the first of all.
-        """
+        """Find stacks of islands; chosen are `baked` faces or groups, else one in the square."""
         chosen = _named_faces(mesh, baked)
         uvs = mesh.corner_uvs()
         with np.errstate(over="ignore", invalid="ignore"):  # far outside of any tile
@@ -78,10 +74,7 @@ class StackedIslands:
         return cls(in_stack[islands], sharing[islands], tiles[islands], int(sharing.sum()))
 
     def baked(self, mesh: Mesh) -> Mesh:
-        """Return the mesh with what is baked in the unit square, and no area for what shares.
-
-        Its tangents are those of the whole mesh. It is the mesh itself if nothing is stacked.
-        """
+        """Return the mesh, with its tangents, and no area in the texture for what shares."""
         if not self.n_sharing:
             return mesh
         corner_uvs = mesh.corner_uvs() - self.tiles[:, np.newaxis]

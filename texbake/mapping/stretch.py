@@ -73,10 +73,7 @@ class FaceStretch:
 
 
 def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
-    """Measure the stretch of each face.
-
-    `size`: texels along each side, or (width, height).
-    """
+    """Measure the stretch of each face; `size`: texels along each side, or (width, height)."""
     corners = mesh.positions[mesh.faces]
     texels = measurable_uvs(mesh) * np.array([size, size] if isinstance(size, int) else size, float)
     areas, texel_areas = surface_areas(corners), signed_areas(texels)
@@ -106,11 +103,7 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
 def stretch_by_group(
     found: FaceStretch, groups: npt.NDArray[np.integer[Any]], *, turned: bool = False
 ) -> list[Stretch]:
-    """Average the stretch of faces, group by group, at the scale of the whole.
-
-    `groups` (M,) int: group of each face, from 0 without gaps; `turned`: measure mirrored faces as
-    if they were flipped, instead of as infinite.
-    """
+    """Average stretch by groups (M,); `turned` measures mirrored faces as if flipped."""
     n_groups = int(groups.max()) + 1
     ratios, growths = found.greatest / found.least, found.greatest * found.least
     doubled_l2 = found.greatest**2 + found.least**2

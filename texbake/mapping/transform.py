@@ -24,11 +24,7 @@ _RADIUS = 0.5
 
 
 def transform_uvs(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray:
-    """Apply the warp, the flip, the rotation and the scale, in this order.
-
-    `coordinates` (..., 2) float64. Returns (..., 2) float64: bit-equal to the input if no option is
-    set.
-    """
+    """Apply warp, flip, rotation and scale, in this order, to (..., 2) coordinates."""
     flat = coordinates.reshape(-1, 2)
     if options.warp is not None:
         flat = warp_uvs(flat, options.warp)
@@ -43,11 +39,7 @@ def transform_uvs(coordinates: FloatArray, options: UnwrapOptions) -> FloatArray
 
 
 def scale_to_density(mesh: Mesh, corners: FloatArray, options: UnwrapOptions) -> FloatArray:
-    """Scale coordinates so that the mesh as a whole has the requested texel density.
-
-    `corners` (F, 3, 2) float64; `options`: `texel_density`, in texels per model unit, and `size`
-    are read. Returns (F, 3, 2) float64: `corners` itself if `texel_density` is None.
-    """
+    """Scale corners (F, 3, 2) to the texel density of the options for the whole mesh."""
     if options.texel_density is None:
         return corners
     side = math.sqrt(options.width_px * options.height_px)
@@ -73,10 +65,7 @@ def _rotated(flat: FloatArray, degrees: float) -> FloatArray:
 
 
 def warp_uvs(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFunction) -> FloatArray:
-    """Apply a warp, given by name, by name and strength, or as a function.
-
-    `coordinates` (n, 2) float64. Returns (n, 2) float64. A function gets a copy of the coordinates.
-    """
+    """Apply a warp to (n, 2), given by name, by name and strength, or as a function of a copy."""
     if callable(warp):
         return _checked(warp(coordinates.copy()), len(coordinates))
     name, strength = (warp, WARPS[warp]) if isinstance(warp, str) else warp

@@ -109,13 +109,7 @@ def unwrap_together(
     progress: Progress = None,
     **changes: Any,
 ) -> list[tuple[Mesh, UnwrapReport]]:
-    """Give several meshes texture coordinates in one shared texture, at one texel density.
-
-    `seams`: for each mesh, the edges that `unwrap` takes as `seams`.
-
-    Returns the meshes and their reports in the order of `meshes`. The stages cover all meshes
-    together; the figures are those of each mesh alone.
-    """
+    """Unwrap meshes into one texture, at one texel density; `seams` and reports by mesh."""
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
     seams = [None] * len(meshes) if seams is None else seams

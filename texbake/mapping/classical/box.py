@@ -70,10 +70,7 @@ class _Borders:
 
 
 def box_sides(mesh: Mesh) -> tuple[IntArray, dict[str, int]]:
-    """Choose the side of each face: (F,) int32, and tallies.
-
-    Faces without area take the side that most of their outline touches, or +z.
-    """
+    """Choose the side of each face: (F,) int32, and tallies."""
     normals = face_normals(mesh)
     points = LocalFrame.around(mesh).to_local(mesh.positions)
     areas = surface_areas(points[mesh.faces])
@@ -249,10 +246,7 @@ def side_pictures(
 
 
 def _cells(half_size: FloatArray, size: FloatArray, padding: int) -> tuple[FloatArray, float]:
-    """(6, 2) centers of the cells, and texels per local unit.
-
-    Columns are as wide as their sides, and both rows as high as the highest side.
-    """
+    """(6, 2) centers of the cells, and texels per local unit; all rows are equally high."""
     half_widths = half_size[[2, 0, 0]]
     half_height = half_size[1:].max()
     free = size - np.array([4.0, 3.0]) * padding

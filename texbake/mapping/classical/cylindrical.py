@@ -184,10 +184,7 @@ def _with_caps(
 def _heights(
     local: LocalPoints, faces: IntArray, options: UnwrapOptions
 ) -> tuple[FloatArray, float]:
-    """Coordinate t of each vertex, and the length along the axis that is 1 in t, in local units.
-
-    Both are 0 without faces or without a range of heights.
-    """
+    """Coordinate t of vertices, and the local length along the axis of 1 in t; 0 without range."""
     heights = local.points[:, 2]
     first, last = height_ends(local, faces, options)
     if first == last:
@@ -196,11 +193,7 @@ def _heights(
 
 
 def height_ends(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> tuple[float, float]:
-    """Heights, in local units, that become t = 0 and t = 1.
-
-    They are those of the options, or else the least and greatest height of the faces; equal if
-    these differ by rounding alone, or without faces.
-    """
+    """Heights, in local units, that become t = 0 and t = 1, by the options or the faces."""
     if options.height is not None:
         return options.height[0] * local.scale, options.height[1] * local.scale
     if len(faces) == 0:
@@ -211,10 +204,7 @@ def height_ends(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> 
 
 
 def _mean_radius(local: LocalPoints, faces: IntArray, side: npt.NDArray[np.bool_]) -> float:
-    """Mean distance of the side's corners from the axis, weighted by the areas of its faces.
-
-    Without a side it is that of all faces; 1 if everything lies on the axis.
-    """
+    """Mean distance of the side's corners, or all, from the axis, by areas; 1 if all are on it."""
     points = local.points[faces[side] if side.any() else faces]
     areas = surface_areas(points)
     total = float(areas.sum())

@@ -118,10 +118,7 @@ def in_frame(vectors: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 def points_about(mesh: Mesh, center: npt.ArrayLike, frame: FloatArray) -> LocalPoints:
-    """Vertices of a mesh relative to a center, in a frame.
-
-    `center` (3,) float, in model units; `frame` (3, 3) float64: rows as `frame_about` returns them.
-    """
+    """Vertices relative to a center (3,), in model units, in a frame (3, 3) of `frame_about`."""
     middle = np.asarray(center, dtype=np.float64)
     largest = float(max(np.abs(mesh.bounds).max(), np.abs(middle).max()))
     scale = unit_scale(largest)

@@ -70,11 +70,7 @@ class Plane:
     def coordinates(
         self, points: FloatArray, faces: IntArray, polygons: IntArray | None = None
     ) -> Projected:
-        """(s, t) of the points of the plane nearest to the given points: the S mapping.
-
-        (0, 0) for a mesh without extent. `points` (N, 3) float64; `faces` (F, 3) int; `polygons`
-        (F,) int32.
-        """
+        """(s, t) of the points of the plane nearest to points (N, 3): the S mapping."""
         if self.extent == 0.0:
             return Projected(corners=np.zeros((len(faces), 3, 2)))
         return Projected(corners=((points[:, :2] - self.low) / self.extent)[faces])
@@ -145,11 +141,7 @@ IntermediateSurface = Plane | Cylinder | Sphere
 def surface_around(
     local: LocalPoints, faces: IntArray, options: UnwrapOptions
 ) -> IntermediateSurface:
-    """Make the surface that encloses a mesh.
-
-    `local`: vertices of the mesh, in the frame of the surface; `faces` (F, 3) int32. A mesh that
-    lies on the axis gets a cylinder as wide as the mesh is long.
-    """
+    """Make the surface that encloses a mesh, given in the frame of the surface."""
     points = local.points[faces.ravel()]
     low, high = points.min(axis=0), points.max(axis=0)
     if options.surface == "plane":
@@ -178,11 +170,7 @@ def mapped_by_rays(
     faces: IntArray,
     polygons: IntArray | None = None,
 ) -> Projected:
-    """Map the corners of faces to where rays from them hit a surface.
-
-    `points`, `directions` (V, 3) float64; `faces` (F, 3) int32; `polygons` (F,) int32. A polygon
-    with a ray that misses is mapped to the points of the surface nearest to its corners.
-    """
+    """Map corners to where rays hit, or polygons with a miss to the nearest points."""
     hits, missed = surface.hits(points, directions)
     lost = missed[faces].any(axis=1)
     if polygons is not None:
@@ -232,11 +220,7 @@ class Box:
 
     @classmethod
     def around(cls, local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> Box:
-        """The least box about the center that encloses a mesh.
-
-        In directions without extent it is as long as in its longest direction. If the whole mesh
-        lies at the center, half its size is 1.
-        """
+        """The least box about the center that encloses a mesh, thick in all directions."""
         half = np.abs(local.points[faces.ravel()]).max(axis=0)[_UPRIGHT]
         flat = half <= local.rounding
         half[flat] = 1.0 if flat.all() else half.max()
@@ -245,10 +229,7 @@ class Box:
     def mapped_by_rays(
         self, points: FloatArray, directions: FloatArray, faces: IntArray
     ) -> Projected:
-        """Map corners to where rays from them leave the box.
-
-        `points`, `directions` (V, 3) float64, in the frame; `faces` (F, 3) int32.
-        """
+        """Map corners to where rays from them, (V, 3) in the frame, leave the box."""
         points, directions = points[:, _UPRIGHT], directions[:, _UPRIGHT]
         # A ray along a side must not meet it far away by rounding.
         directions = np.where(np.abs(directions) <= _ROUNDING, 0.0, directions)
@@ -280,10 +261,7 @@ class Box:
     def mapped_by_normals(
         self, points: FloatArray, normals: FloatArray, faces: IntArray
     ) -> Projected:
-        """Project corners onto the side of the box whose normal is nearest to the object's.
-
-        `points`, `normals` (V, 3) float64, in the frame; `faces` (F, 3) int32.
-        """
+        """Project corners onto the side of the box nearest to the object's normals (V, 3)."""
         corners = points[:, _UPRIGHT][faces]
         chosen = _or_outward(normals[:, _UPRIGHT][faces], corners.mean(axis=1))
         axes = _first_least(-np.abs(chosen))

@@ -155,10 +155,7 @@ def _turned_to_spread(frame: FloatArray, points: FloatArray, mesh: Mesh) -> Floa
 
 
 def parametric(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map the mesh's own (u, v) to (s, t).
-
-    `options`: `linear` is read: (au, bu, cu, av, bv, cv).
-    """
+    """Map the mesh's own (u, v) to (s, t) by `linear`: (au, bu, cu, av, bv, cv)."""
     mesh.corner_uvs()  # raises where there are none
     assert mesh.uvs is not None and mesh.uv_faces is not None
     au, bu, cu, av, bv, cv = options.linear

@@ -142,10 +142,7 @@ def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> F
 
 
 def seen_from_of(matrix: FloatArray) -> FloatArray:
-    """(4,) float64: where the rays come from, (x, y, z, 1), or a direction (x, y, z, 0).
-
-    It is the one point without an image: s, t and q are 0 there.
-    """
+    """(4,): where rays come from, (x, y, z, 1) or (x, y, z, 0), the point with s = t = q = 0."""
     rows = matrix[[0, 1, 3]]
     lengths = np.abs(rows).max(axis=1)
     if not lengths.all():
@@ -236,10 +233,7 @@ def whole_matrix(rows: Sequence[Sequence[float]]) -> Matrix:
 
 
 def read_matrix(path: PathLike, *, projector: bool = True) -> Matrix:
-    """Read a matrix: sixteen numbers, row by row, with blanks, commas or line breaks between.
-
-    The matrix of a projector may have three rows, s, t and q, as cameras in computer vision do.
-    """
+    """Read sixteen numbers, row by row; of a projector also twelve, rows s, t and q."""
     lines = read_lines(path, "a matrix")
     n_words = sum(len(line.words) for line in lines)
     if n_words != 16 and not (projector and n_words == 12):

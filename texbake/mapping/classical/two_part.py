@@ -81,10 +81,7 @@ def _frame(options: UnwrapOptions) -> FloatArray:
 def _directions(
     mesh: Mesh, local: LocalPoints, center: FloatArray, frame: FloatArray, options: UnwrapOptions
 ) -> tuple[FloatArray, dict[str, int]]:
-    """(V, 3) float64 unit directions of rays, 0 for a vertex at the center; and tallies.
-
-    For `surface-normal` these are the object's normals.
-    """
+    """(V, 3) unit directions of rays, 0 for a vertex at the center; and tallies."""
     outward = _unit(local.points, local.rounding)
     if options.via == "centroid":
         return outward, {}
