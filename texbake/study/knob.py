@@ -93,10 +93,7 @@ class Knob:
 
 
 def knob_named(name: str) -> Knob:
-    """Return the knob of one of `KNOB_NAMES`, importing its module.
-
-    The constant of `map-kind`, for instance, is `MAP_KIND_KNOB`.
-    """
+    """Return the knob of one of `KNOB_NAMES`, such as `MAP_KIND_KNOB`, importing its module."""
     module = import_module(f"texbake.study.knobs.{KNOB_MODULES[name]}")
     knob: Knob = getattr(module, f"{name.replace('-', '_').upper()}_KNOB")
     return knob
@@ -113,10 +110,7 @@ Value = TypeVar("Value")
 
 @dataclass(frozen=True, eq=False)
 class StudyPair:
-    """A high-poly mesh, and a low-poly mesh with texture coordinates.
-
-    `surface` is the closed form that the high-poly mesh was made from; None for a user's mesh.
-    """
+    """A high-poly mesh, its closed form if it was made from one, and a low-poly mesh with uvs."""
 
     high: Mesh
     low: Mesh
@@ -146,11 +140,7 @@ class Case:
 
     @cached_property
     def made_pair(self) -> StudyPair:
-        """An orange, or a rippled sphere if everything is kept small, and a low-poly mesh of it.
-
-        The high-poly mesh has the normals of the closed form at its vertices, so its own error is
-        small.
-        """
+        """An orange (small: a rippled sphere) with exact normals, and a low-poly mesh of it."""
         surface = self.choose(orange_surface, rippled_surface)()
         sphere = orange(_ORANGE_TRIANGLES) if not self.quick else icosphere(_QUICK_LEVEL)
         lengths = pm.norm(sphere.positions, axis=1)

@@ -28,11 +28,7 @@ _POINT, _OUTSIDE, _FAR, _ORDER = 0.6, 8.0, 0.05, 0.004
 
 
 def place_labels(points: FloatArray, sizes: FloatArray, frame: Sequence[float]) -> FloatArray:
-    """Return where labels go.
-
-    `points` (n, 2) float64: pixels, y up; `sizes` (n, 2) float64: width and height of each label;
-    `frame`: left, bottom, right, top. Returns (n, 2) float64: lower left corner of each label.
-    """
+    """(n, 2) lower left corners of labels of sizes (n, 2) at points (n, 2), pixels, y up."""
     n = len(points)
     away = pm.norm(points[:, None] - points[None, :], axis=-1)
     crowds = (away < 60.0).sum(axis=1)

@@ -52,10 +52,7 @@ def convergence_order(a: tuple[float, float], b: tuple[float, float]) -> float:
 
 
 def knee(points: Sequence[tuple[float, float]], front: Sequence[int]) -> int | None:
-    """Return the index of the point of a front beyond which no step pays off; None if empty.
-
-    Each step is taken whose exponent is at least `PAYS`, also over points between that do not pay.
-    """
+    """Index of the point of a front beyond which no step pays off by `PAYS`; None if empty."""
     if not front:
         return None
     here = front[0]

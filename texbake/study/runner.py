@@ -106,10 +106,7 @@ _RESET_PEAK = "5"
 
 
 def with_peak_memory(work: Callable[[], Result]) -> tuple[Result, int | None]:
-    """Run `work`; return its result, and by how many bytes resident memory rose at its peak.
-
-    The peak that Linux keeps is reset first. None where the system cannot do that.
-    """
+    """Run `work`; return its result, and the bytes that its peak adds; None if unknown."""
     gc.collect()
     # Freed memory that is not returned would hide a later peak.
     with suppress(OSError, AttributeError, TypeError):  # not the GNU C library

@@ -319,10 +319,7 @@ _MAKERS: dict[str, Callable[[int], BenchCase]] = {
 
 
 def pair_files(case: BenchCase, folder: Path) -> dict[str, str]:
-    """Return the paths of the high-poly mesh (`high`) and the low-poly one (`low`), written once.
-
-    The high-poly mesh is binary PLY, the low-poly one OBJ with texture coordinates.
-    """
+    """Paths of the high-poly mesh (`high`, binary PLY) and of `low`, an OBJ with uvs."""
     return {
         "high": mesh_file(case.high, folder, f"{case.name}-high"),
         "low": _written(case.low, folder / f"{case.name}-low.obj"),

@@ -70,10 +70,7 @@ _FLAT = np.array([127 / 255, 128 / 255, 32767 / 65535, 32768 / 65535, 0.5], np.f
 def _map_at(
     product: Product, uvs: FloatArray
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Return a map, and for each point whether the nearest texel has the value of an empty one.
-
-    That is black, transparent, or a flat normal in tangent space.
-    """
+    """Return a map, and for each point whether the nearest texel is black, transparent or flat."""
     pixels = read_image(product.path, color=False).pixels
     height, width = pixels.shape[:2]
     columns = np.clip((uvs[:, 0] * width).astype(np.int64), 0, width - 1)

@@ -32,11 +32,7 @@ _SUFFIXES = {
 
 @dataclass(frozen=True)
 class Product:
-    """A file that a program made.
-
-    `form` says what is in it where programs differ: normals in `tangent` or `object` space,
-    `heights` or `positions`.
-    """
+    """A file that a program made, and its `form`: `tangent`, `object`, `heights` or `positions`."""
 
     path: Path
     form: str = ""

@@ -166,11 +166,7 @@ class _Run:
 
 
 class _Runs:
-    """Starts processes and keeps what they took.
-
-    `clock` counts only the seconds of processes, so that the runner of the study times those alone.
-    A setting that has failed once is not run again.
-    """
+    """Starts processes, never again a failed one, and counts their seconds in `clock`."""
 
     def __init__(
         self, task: BenchTask, prepared: Prepared, options: BenchOptions, folder: Path
@@ -230,10 +226,7 @@ def bench_files(
     run: bool = True,
     progress: Progress = None,
 ) -> JobResult[BenchResult]:
-    """Measure what accuracy costs in texbake and in other programs, and write pages and tables.
-
-    `merge`: result files to add. If not `run`, no program runs, and only these are shown.
-    """
+    """Measure accuracy and its cost in all programs, or show results to `merge` if not `run`."""
     check_folder(folder)
     check_matplotlib("bench")
     result = None

@@ -49,10 +49,7 @@ def markdown(result: BenchResult) -> str:
 
 
 def summary(result: BenchResult) -> list[str]:
-    """Return a table for a README: texbake beside one other program, a row for most tasks.
-
-    Normals have a row for each setting, every other task one for the middle one.
-    """
+    """Return a table for a README: texbake beside one other program, a row for most tasks."""
     rival = next((title for title in result.versions if title != OURS), OURS)
     head = _SUMMARY.format(rival=f"{rival} {result.versions.get(rival, '')}".strip())
     rows = []
@@ -124,11 +121,7 @@ _MOST_TICKS = 6
 
 
 def contest_plot(contest: Contest, colors: Mapping[str, str]) -> Plot:
-    """Plot all settings of all programs: left over seconds, right over memory where it is known.
-
-    The line of a program joins the settings that are on its own front; the dashed line is the front
-    of all programs.
-    """
+    """Plot all settings: left over seconds, right over memory; fronts are lines."""
     known = any(item.peak_bytes is not None for item in contest.measurements)
     with plot_style():
         figure = new_figure(11.0 if known else 6.4, 4.8)

@@ -78,11 +78,7 @@ def _prepare_bump_gradient(case: Case) -> Experiment:
 
 
 def forward_normals(heights: Floats) -> Floats:
-    """(H, W, 3) normals from the difference to the next texel, as textbooks define bump mapping.
-
-    The difference is the slope half a texel further on, so its error is proportional to the step,
-    while the error of a central difference is proportional to the square of the step.
-    """
+    """(H, W, 3) normals from the difference to the next texel, as textbooks define bumps."""
     along_x = (np.roll(heights, -1, axis=1) - heights) * np.float32(heights.shape[1])
     up_y = (np.roll(heights, 1, axis=0) - heights) * np.float32(heights.shape[0])
     normals = np.stack([-along_x, -up_y, np.ones_like(heights)], axis=-1)

@@ -57,11 +57,7 @@ def close_up(
 def crop(
     picture: FloatImage, center: tuple[float, float] = (0.5, 0.5), zoom: int = 1
 ) -> FloatImage:
-    """(CROP, CROP, 3) part of a picture, each pixel drawn `zoom` times as wide and high.
-
-    `center` is given in shares of the width and the height, from the upper left; the part is moved
-    to lie inside the picture. A picture that is too small is enlarged until it fills the crop.
-    """
+    """(CROP, CROP, 3) part about a center in shares from the upper left, enlarged by `zoom`."""
     height, width = picture.shape[:2]
     zoom = max(zoom, math.ceil(CROP / min(height, width)))
     side = math.ceil(CROP / zoom)
@@ -76,10 +72,7 @@ def crop(
 def sight_rays(
     camera: Camera, width: int, height: int, *, right: float = 0.0, down: float = 0.0
 ) -> FloatArray:
-    """(H, W, 3) directions of view in world space, one unit deep along the view axis.
-
-    `right` and `down` are offsets in pixels from the middle of each pixel.
-    """
+    """(H, W, 3) world directions one unit deep, `right` and `down` pixels off the middle."""
     corner, to_right, to_below = camera.view_rays(width, height)
     columns = (np.arange(width) + 0.5 + right)[None, :, None]
     rows = (np.arange(height) + 0.5 + down)[:, None, None]
@@ -89,11 +82,7 @@ def sight_rays(
 def ball_points(
     camera: Camera, rays: FloatArray, middle: FloatArray, radius: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return where rays (..., 3) from the camera first meet a ball.
-
-    Returns `points` (..., 3) float64: for a ray that misses, where it comes nearest; `cosines`
-    (...) float64: cosine of the viewing angle; 0 for a ray that misses.
-    """
+    """(..., 3) where rays first meet a ball, or come nearest, and (...) cosines, 0 for misses."""
     units = rays / pm.norm(rays, axis=-1, keepdims=True)
     to_middle = middle - camera.eye
     along = pm.matmul(units, to_middle)
@@ -131,10 +120,7 @@ class Floor:
         return np.stack([points[:, 0], -points[:, 2]], axis=1)
 
     def changes(self) -> npt.NDArray[np.float32]:
-        """(H · W, 4) float32 exact du/dx, dv/dx, du/dy, dv/dy for one pixel.
-
-        u and v are quotients of functions that are linear over the picture.
-        """
+        """(H · W, 4) exact du/dx, dv/dx, du/dy, dv/dy for one pixel."""
         here, eye = self.rays().reshape(-1, 3), self.camera.eye
         to_right = (self.rays(right=1.0) - self.rays()).reshape(-1, 3)
         to_below = (self.rays(down=1.0) - self.rays()).reshape(-1, 3)
@@ -153,10 +139,7 @@ RAYS_PER_SIDE = 4  # of a pixel
 def lambert_picture(
     mesh: Mesh, surface: Surface | None, camera: Camera, size: int, to_light: FloatArray
 ) -> FloatImage:
-    """(size, size, 3) picture of a mesh in the cosine of the angle to the light.
-
-    Rays are shaded with the normals of the closed form, or of the mesh where that is None.
-    """
+    """(size, size, 3) cosines of the angle to the light, by normals of the closed form if any."""
     rays = sight_rays(camera, size * RAYS_PER_SIDE, size * RAYS_PER_SIDE).reshape(-1, 3)
     rays /= pm.norm(rays, axis=1, keepdims=True)
     frame = LocalFrame.around(mesh)

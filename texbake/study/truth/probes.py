@@ -98,11 +98,7 @@ def angles_deg(vectors: FloatArray, units: FloatArray) -> FloatArray:
 
 
 def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None = None) -> Probes:
-    """Cast a ray from each of about `n` points of a low-poly mesh.
-
-    Points whose ray misses are left out, and so are those whose ray only touches the closed form,
-    if there is one.
-    """
+    """Cast a ray from each of about `n` points of a low-poly mesh; keep clear hits."""
     high, low = pair.high, pair.low
     _, faces, barycentrics = sample_surface(low, n, threads=threads)
     frame = LocalFrame.around(high, low)
@@ -135,11 +131,7 @@ def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None 
 
 
 def probe_surface(surface: Surface, low: Mesh, n: int, *, reach: float) -> Probes:
-    """Follow rays from about `n` points of a low-poly mesh to a formula, without a mesh of it.
-
-    The rays begin `reach` outside of the low-poly mesh and end `reach` inside. Points whose ray
-    meets nothing are left out.
-    """
+    """Follow rays over ±`reach` from about `n` points of a low-poly mesh to a formula."""
     points, faces, barycentrics = sample_surface(low, n)
     outward = _smooth(low, faces, barycentrics)
     starts = points + reach * outward
@@ -184,12 +176,7 @@ N_RAYS = _FINER**2 * _SAMPLES
 def mean_normals(
     pair: StudyPair, size: int, *, threads: int | None = None
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """Return the directions of the mean normals over the texels of a square map.
-
-    `size`: texels along one side. Returns `means` (size, size, 3) float64: unit vectors in tangent
-    space, over the covered part of a texel; 0 where nothing was hit; `known` (size, size) bool:
-    where there is a mean.
-    """
+    """(size, size, 3) mean tangent-space normals over covered texels, and where known."""
     options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)
     inputs = BakeInputs.of(pair.high, pair.low, options)
     sums = np.zeros((size * size, 3))

@@ -60,10 +60,7 @@ def answer(report):
 
 
 def end_with_stdin(process):
-    """End the command when stdin ends; nothing is ever written to it.
-
-    Not read through `sys.stdin`, whose lock this thread would still hold when Python ends.
-    """
+    """End the command with stdin, read without a lock that this thread holds at exit."""
     while os.read(0, 1):
         pass
     kill(process)
