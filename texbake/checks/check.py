@@ -101,11 +101,7 @@ class CheckReport:
         }
 
     def picture(self, size: int = 640) -> npt.NDArray[np.float32]:
-        """Draw where in the texture the findings are: one UV layout for each.
-
-        `size`: pixels along the longer side of one layout. Returns (H, W, 3) float32, linear. Faces
-        are colored by severity, red, amber or blue; the worst have a ring.
-        """
+        """(H, W, 3) linear picture of a UV layout for each finding, `size` pixels long."""
         from texbake.checks.picture import draw_findings
 
         return draw_findings(self, size)
@@ -168,10 +164,7 @@ def check_files(
     missing: bool = False,
     progress: Progress = None,
 ) -> CheckReport:
-    """Read and check one mesh or two. A file that does not hold a mesh is a finding.
-
-    `missing`: so is one that cannot be opened, instead of an error.
-    """
+    """Read and check meshes; one that is damaged, or if `missing` not there, is a finding."""
     options = options or CheckOptions()
     paths = [mesh] if low is None else [mesh, low]
     roles = ["low"] if low is None else ["high", "low"]

@@ -154,11 +154,7 @@ def close_charts(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
 def _meeting(
     indices: IntArray, chart_of: IntArray, padding: int, axis: int
 ) -> npt.NDArray[np.int64]:
-    """(2, n): the nearest owners of two neighboring texels, where they belong to different charts.
-
-    Only where both owners lie within the padding of one of the two texels. Neighbors along an axis:
-    0 for texels below one another.
-    """
+    """(2, n): owners of neighboring texels along an axis that differ, both within the padding."""
     width = chart_of.shape[1]
     first = indices[:-1] if axis == 0 else indices[:, :-1]
     second = indices[1:] if axis == 0 else indices[:, 1:]

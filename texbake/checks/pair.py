@@ -97,11 +97,7 @@ class MeshPair:
         )
 
     def fitting_rotation(self, scale: float = 1.0) -> FloatArray | None:
-        """Rotation by right angles after which the low-poly mesh, once centered, fits the other.
-
-        The low-poly mesh is first multiplied by `scale`. Returns (3, 3) float64: the identity if it
-        fits without a rotation, else the one that fits best; None where none does.
-        """
+        """(3, 3) right-angled rotation of the scaled, centered low-poly mesh that fits, or None."""
         step = -(-self.low.mesh.n_faces // _MAX_TRIED)
         faces = np.arange(0, self.low.mesh.n_faces, step)
         arms = scale * (self._centers(self.low, faces) - self.middles[0])
@@ -117,10 +113,7 @@ class MeshPair:
         return best
 
     def fits_scaled(self, scale: float) -> bool:
-        """Whether the low-poly mesh fits once it is scaled, centered and rotated by right angles.
-
-        Most of either mesh must then be near the other.
-        """
+        """Whether the low-poly mesh fits once it is scaled, centered and rotated."""
         turn = self.fitting_rotation(scale)
         if turn is None:
             return False
@@ -275,11 +268,7 @@ def misalignment(pair: MeshPair) -> list[Finding | None]:
 
 
 def require_alignment(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
-    """Raise where a low-poly mesh fits the high-poly mesh only once it is scaled, rotated or moved.
-
-    Other pairs that lie apart may be meant so: a plane and what stands before it, or a low-poly
-    mesh that is inflated.
-    """
+    """Raise where a low-poly mesh fits only once it is scaled, rotated or moved."""
     if min(high.n_faces, low.n_faces) == 0:
         return
     pair = MeshPair.of(high, low, threads=threads)
@@ -300,10 +289,7 @@ def require_alignment(high: Mesh, low: Mesh, *, threads: int | None = None) -> N
 
 
 def explain_opposite_sides(pair: MeshPair) -> tuple[str, ...]:
-    """Say in the words of `check` that two meshes face against each other; nothing if they do not.
-
-    For bakes of which most rays missed.
-    """
+    """Say in the words of `check` that two meshes face against each other, or nothing."""
     found = opposite_sides(pair)
     return () if found is None else (_worded(pair, found),)
 

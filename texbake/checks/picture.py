@@ -110,10 +110,7 @@ def _shape(report: CheckReport, size: int) -> tuple[int, int]:
 
 
 def _pale_layout(owners: IntArray, charts: IntArray) -> Picture:
-    """Draw charts, with their outlines and faint triangles, from the owners of samples.
-
-    Gray, unlike `draw_layout`, so that the colors of findings stand out.
-    """
+    """Draw gray charts, with their outlines and faint triangles, from the owners of samples."""
     chart_of = np.where(owners == NO_FACE, NO_FACE, charts[owners])
     shades = np.where(owners == NO_FACE, BACKGROUND[0], _FILL)
     for ids, shade in ((owners, _EDGE), (chart_of, _OUTLINE)):

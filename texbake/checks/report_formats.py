@@ -56,10 +56,7 @@ def _result(report: CheckReport, finding: Finding, rule: int) -> dict[str, Any]:
 
 
 def junit_of(reports: Sequence[CheckReport], fail_on: str | None) -> str:
-    """Return a suite for each check and a case for each finding, failed if it is severe enough.
-
-    `fail_on` is None where no finding fails.
-    """
+    """Return a suite for each check and a case for each finding, failed from `fail_on` on."""
     fatal = () if fail_on is None else SEVERITIES[: SEVERITIES.index(fail_on) + 1]
     suites = ElementTree.Element("testsuites", name="texbake check")
     for report in reports:

@@ -30,10 +30,7 @@ _LEAVES = 1e-6
 
 
 def wall_findings(pair: MeshPair) -> list[Finding | None]:
-    """Find faces of walls thinner than the distance that rays go behind them; the thinnest first.
-
-    And faces whose rays hit the high-poly surface only beyond another part of the low-poly mesh.
-    """
+    """Findings on walls thinner than rays reach behind them, and on surfaces beyond others."""
     low, frame, threads = pair.low, pair.frame, pair.low.options.threads
     step = -(-low.mesh.n_faces // _MAX_FACES)
     faces = np.arange(0, low.mesh.n_faces, step)
