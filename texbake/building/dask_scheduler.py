@@ -118,10 +118,7 @@ class DaskWorkers:
         return workers
 
     def _processors(self, workers: dict[str, Any], store: Store) -> dict[str, int]:
-        """Return how many processors each machine has; raise if a worker is not fit for a build.
-
-        It must have this version of texbake and see the store. Workers answer, busy or not.
-        """
+        """Processors of each machine; raise if one lacks this version of texbake or the store."""
         client, processors = self._client, {}
         try:
             with store.marked() as mark:
@@ -190,11 +187,7 @@ class DaskWorkers:
         self._outcomes.put((number, outcome))
 
     def _result(self, future: Any) -> TaskOutcome:
-        """Return the result of a task that is done.
-
-        It may have to come from a worker that has gone since, and then the task runs again; or this
-        process may have been stopped while it waited. So a long wait is not the fault of the task.
-        """
+        """Return the result of a task that is done, however long it takes to get it."""
         while True:
             try:
                 outcome: TaskOutcome = future.result(timeout=_ANSWER_SECONDS)

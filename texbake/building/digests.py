@@ -96,10 +96,7 @@ class Digests:
         return digest
 
     def sidecars(self, path: str) -> list[tuple[str, str]]:
-        """Return the files that are read with a file, and their digests or `MISSING`.
-
-        The names in a file are remembered as long as it is unchanged.
-        """
+        """Return the files that are read with a file, and their digests or `MISSING`."""
         found = []
         for name in followed_files(path, self._named):
             digest = MISSING  # the reader of the file reports it
@@ -191,12 +188,7 @@ _MAP = re.compile(
 
 
 def sidecars(path: Path) -> list[Path]:
-    """Return the files that a mesh or .mtl file names, in its order; none for other files.
-
-    For a USD file these are all files that it is composed of, if usd-core is installed, and the
-    existing tiles of its images. A file that cannot be read names nothing here; the step that reads
-    it reports the error.
-    """
+    """Files that a mesh or .mtl file names, in its order; of a USD file all that it is made of."""
     found: dict[str, None] = {}
     with suppress(
         OSError, ValueError, AttributeError, TypeError, KeyError, RecursionError, struct.error,

@@ -27,10 +27,7 @@ def is_url(place: str) -> bool:
 
 
 def file_signature(path: str | os.PathLike[str]) -> tuple[int, ...] | None:
-    """Return the size, times and inode of a local file; None if it is missing.
-
-    Programs can set back the time of modification, but not the time of change.
-    """
+    """Size, times and inode of a local file, which programs cannot all set; None if missing."""
     try:
         status = os.stat(path)  # noqa: PTH116  # of many thousands
     except OSError:
@@ -174,11 +171,7 @@ def location_of(place: str | os.PathLike[str]) -> Location:
 
 
 def matches(pattern: str, folder: Path) -> list[str]:
-    """Return the files that match a pattern, sorted: paths below a folder, or URLs.
-
-    A pattern that is the name of an existing file matches that file alone, so that names may have
-    brackets. The folder is not a pattern.
-    """
+    """Files below a folder, or URLs, that match a pattern, or that it names, sorted."""
     if is_url(pattern):
         fs, root = _file_system(pattern)
         with file_errors(pattern):

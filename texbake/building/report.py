@@ -275,10 +275,7 @@ def _picture_of(asset: AssetResult) -> tuple[StepResult, str] | None:
 
 
 def _thumbnails(result: BuildResult) -> dict[str, bytes]:
-    """Return small pictures of assets, kept from the last page where they have not changed.
-
-    An asset whose picture cannot be read has none.
-    """
+    """Return small pictures of assets, kept from the last page where they have not changed."""
     from texbake.pages.build_page import thumbnail
 
     sources = {

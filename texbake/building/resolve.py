@@ -59,10 +59,7 @@ class StepState:
 
 
 class Resolver:
-    """Finds what steps depend on, from files and from the results of other steps.
-
-    `path` is a file with the keys that steps had in the last build, from which changes are found.
-    """
+    """Finds what steps depend on, and changes since the keys of the last build in `path`."""
 
     def __init__(
         self, states: Mapping[Id, StepState], store: Store, digests: Digests, path: Path
@@ -231,10 +228,7 @@ _PLY_FACES = re.compile(rb"element face (\d+)")
 
 
 def size_of(path: Path) -> InputSize:
-    """Return the size of a file; its triangles by its header, else estimated by its length.
-
-    A missing file has size 0: the step that reads it reports that.
-    """
+    """Size of a file, 0 if missing; its triangles by its header, else estimated by its length."""
     try:
         n_bytes = path.stat().st_size
         if path.suffix.lower() == ".ply":
@@ -266,11 +260,7 @@ def machine_memory() -> int:
 def _group_limits(
     groups: Path = Path("/proc/self/cgroup"), root: Path = Path("/sys/fs/cgroup")
 ) -> list[int]:
-    """Return the limits of the control groups of this process and of the groups around them.
-
-    Both versions of control groups are read. Within a container the path of its group may lead
-    nowhere; `root` is that group then.
-    """
+    """Limits of the control groups, of both versions, of this process and around them."""
     limits = []
     with suppress(OSError):
         for line in groups.read_text().splitlines():

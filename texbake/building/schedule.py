@@ -60,10 +60,7 @@ BuildListener = Callable[[BuildEvent], None]
 
 
 class EtaEstimator:
-    """Estimates the time left from the time that steps of each kind have taken so far.
-
-    `kinds` has the kind of each step that may have to run.
-    """
+    """Estimates the time left from the time that steps of each kind have taken so far."""
 
     def __init__(self, kinds: Mapping[tuple[str, str], str], slots: int) -> None:
         self._kinds, self._slots = dict(kinds), slots
@@ -91,10 +88,7 @@ class EtaEstimator:
         return seconds
 
     def seconds_left(self) -> float | None:
-        """Return the seconds until all steps have ended; None before any step has run.
-
-        A kind that has not run yet counts as the mean of those that have.
-        """
+        """Seconds until all steps have ended; None before any step has run."""
         n_done = self._counts.total()
         if n_done == 0:
             return None

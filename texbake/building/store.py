@@ -93,11 +93,7 @@ class Store:
                     digests.remember(self._location.path(file.name), signature, file.sha256)
 
     def forget_others(self, keys: Container[str], digests: Digests) -> None:
-        """Forget the digests of all entries but those of some keys.
-
-        Otherwise `watch` would remember each result that was ever made. An older entry that is used
-        again is read once.
-        """
+        """Forget the digests of all entries but those of some keys, which `watch` would keep."""
         root = self._location.path("")
 
         def is_stale(path: str) -> bool:
@@ -151,10 +147,7 @@ class Store:
 
     @contextmanager
     def marked(self) -> Iterator[str]:
-        """Keep a file in the store within the block; yield its name, for `has`.
-
-        A machine that does not find it has another folder of the same path.
-        """
+        """Keep a file in the store within the block; yield its name, for `has` of a machine."""
         folder = f"{_TEMPORARY}/{secrets.token_hex(8)}"
         with scratch_folder() as scratch:
             source = scratch / "mark.txt"
