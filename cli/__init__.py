@@ -32,10 +32,7 @@ def run() -> None:
 
 
 def open_closed_streams() -> None:
-    """Give closed standard streams the null device.
-
-    Otherwise the next file that is opened takes the number of stderr, and messages go into it.
-    """
+    """Give closed standard streams the null device, whose numbers files would take."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -57,11 +54,7 @@ def close_stdout() -> None:
 
 
 def end_at_once(code: object) -> None:
-    """End the process with its modules loaded: unloading them takes a tenth of a small bake.
-
-    As in the child processes of `multiprocessing`, threads end and exit handlers run first. Returns
-    if `code` is not a number.
-    """
+    """End the process by a number without unloading its modules, which takes long."""
     if isinstance(code, int | None):
         threading._shutdown()  # type: ignore[attr-defined]
         atexit._run_exitfuncs()

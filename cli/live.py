@@ -30,11 +30,7 @@ if TYPE_CHECKING:
 
 
 class Bars(ShownProgress):
-    """Draws progress bars.
-
-    A finished stage leaves one line with its time, so only running stages have bars, and the bars
-    fit on any terminal.
-    """
+    """Draws progress bars of running stages; a finished stage leaves one line with its time."""
 
     def __init__(self, console: Console | None = None) -> None:
         super().__init__()

@@ -41,11 +41,7 @@ def options_of(
     only_given: bool = False,
     defaults: Mapping[str, Any] | None = None,
 ) -> Decorator[Any]:
-    """Add flags for the fields of an option class, in their order.
-
-    With `unset` or `only_given`, options that the user leaves out are None; with `only_given`, the
-    help shows their defaults.
-    """
+    """Add flags for fields in order; with `unset` or `only_given`, those left out are None."""
     fields = {field.name: field for field in option_fields(kind)}
     chosen = [fields[name] for name in names] or [
         field for field in fields.values() if field.name not in without

@@ -104,10 +104,7 @@ def _progress_line(text: str) -> None:
 
 
 def say(text: str, **style: Any) -> None:
-    """Print on stdout; raise `FileError` if it cannot be written, such as on a full disk.
-
-    Control characters are printed as escapes. `style` is what `click.style` takes.
-    """
+    """Print on stdout, control characters as escapes; raise `FileError` such as on a full disk."""
     try:
         click.echo(click.style(printable(text), **style) if style else printable(text))
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does
@@ -128,11 +125,7 @@ def table(rows: Sequence[Sequence[str]]) -> None:
 
 
 def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
-    """Print aligned rows of cells on stdout; the first row is a heading.
-
-    The last `numbers` columns are aligned to the right. On a terminal, the widest column is cut off
-    if a row does not fit on a line.
-    """
+    """Print aligned rows with a heading, the last `numbers` columns to the right, cut to fit."""
     rows = [[in_line(cell) for cell in row] for row in rows]
     widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     if sys.stdout is not None and sys.stdout.isatty():

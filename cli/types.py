@@ -177,10 +177,7 @@ class Names(click.ParamType):  # type: ignore[type-arg]  # click 8.1 takes none
 
 
 class FileOf(click.Path):
-    """A file with one of some suffixes.
-
-    The function that reads the file reports a missing one, with the same message as in Python.
-    """
+    """A file with one of some suffixes; the function that reads it reports a missing one."""
 
     def __init__(self, suffixes: Sequence[str]) -> None:
         super().__init__(path_type=Path)

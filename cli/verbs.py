@@ -93,10 +93,7 @@ def command_of(verb: Verb) -> click.Command:
 
 
 def _arguments(verb: Verb, values: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of the function, with its options as one object.
-
-    Values that the function does not take are left out: its printer uses them.
-    """
+    """Return the arguments of the function, with its options as one object."""
     arguments = verb.prepare(values)
     for kind in {part.kind for part in verb.of_kind(Options) if not part.apart}:
         names = [item.name for item in option_fields(kind) if item.name in arguments]

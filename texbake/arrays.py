@@ -41,11 +41,7 @@ def write_arrays(path: PathLike, arrays: Mapping[str, npt.NDArray[Any]]) -> None
 
 
 def read_arrays(path: PathLike) -> dict[str, npt.NDArray[Any]]:
-    """Read the arrays of an archive by name.
-
-    No more memory is taken than the file has bytes: entries are not compressed, hold just what
-    their headers promise, and share no bytes of the file.
-    """
+    """Read the arrays of an archive by name, in no more memory than the file has bytes."""
     arrays = {}
     with Path(path).open("rb") as file, zipfile.ZipFile(file) as archive:
         entries = archive.infolist()

@@ -65,10 +65,7 @@ class ChildError(Exception):
 
     @property
     def is_from_others(self) -> bool:
-        """Whether something else ended the process: the system, short of memory, or a person.
-
-        The request is not at fault then, and results must not depend on it.
-        """
+        """Whether something other than the request ended the process, such as the system."""
         return self.code in _SENT_BY_OTHERS and not self.timed_out
 
     @property
@@ -80,10 +77,7 @@ class ChildError(Exception):
 
 
 class Child:
-    """A process that answers requests, and another one once it has ended.
-
-    Requests come from one thread; `close` may be called by any.
-    """
+    """A process that answers requests of one thread, and another one once it has ended."""
 
     def __init__(
         self, module: str, *, threads: int = 1, environment: Mapping[str, str] | None = None
@@ -105,10 +99,7 @@ class Child:
     def ask(
         self, request: Any, *, classes: Classes | None = None, timeout: float | None = None
     ) -> Any:
-        """Return the answer to a request; raise `ChildError` if there is none.
-
-        A process that is ended by others is replaced, and asked once more.
-        """
+        """Return the answer, asking twice if others ended the process; else raise `ChildError`."""
         for self.attempts in range(1, _MOST_ATTEMPTS + 1):
             process = self._started()
             try:
@@ -229,10 +220,7 @@ class _Process:
 
 
 def serve(answer: Callable[[Any], Any]) -> None:
-    """Answer the requests of the process that started this one, and end with it.
-
-    What libraries print goes to stderr.
-    """
+    """Answer the parent's requests, and end with it; what libraries print goes to stderr."""
     # Ctrl-C reaches all processes of a terminal; the parent decides what happens to its children.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if sys.platform == "linux":  # also while a library holds the interpreter
@@ -277,18 +265,12 @@ def _receive(file: IO[bytes]) -> bytes | None:
 
 
 def seconds_allowed(n_bytes: int) -> int:
-    """Return the computing time that files of a size may take: 10 s, and 1 s per 4 MB.
-
-    Text takes about 0.03 s per MB.
-    """
+    """Return the computing time that files of a size may take: 10 s, and 1 s per 4 MB."""
     return 10 + n_bytes // 4_000_000
 
 
 def memory_allowed(n_bytes: int) -> int:
-    """Return the memory that reading files of a size may take: 1 GiB, or 64 times their size.
-
-    A compressed mesh takes about 40 times its size as arrays.
-    """
+    """Return the memory that reading files may take: 1 GiB, or 64 times their size."""
     return max(_GIB, 64 * n_bytes)
 
 

@@ -129,10 +129,7 @@ _PACKAGES = {"PIL": "pillow", "collada": "pycollada"}  # where the name of a mod
 
 
 def require_library(module: str, what: object, package: str = "") -> Any:
-    """Import a library for a feature or a file; raise `DependencyError` if it is missing.
-
-    `package`: what pip installs, if it is not the module's name in small letters.
-    """
+    """Import a library for a feature; raise `DependencyError`, naming its `package` for pip."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -185,10 +182,7 @@ _LISTENER: ContextVar[Callable[[str], None] | None] = ContextVar("reading warnin
 
 
 def warn_of(path: object, what: str) -> None:
-    """Warn of something in a file that a reader leaves out or replaces.
-
-    The warning is a `ReadWarning` of Python's `warnings`, unless `heard_warnings` receives it.
-    """
+    """Warn, by `ReadWarning` or `heard_warnings`, of what a reader leaves out or replaces."""
     listener = _LISTENER.get()
     if listener is None:
         warnings.warn(f"{path}: {what}", ReadWarning, stacklevel=2)

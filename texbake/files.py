@@ -41,10 +41,7 @@ _SCRATCH_FOLDERS: set[Path] = set()
 
 
 def require_file(path: PathLike) -> None:
-    """Raise `FileError` where there is no regular file of this name.
-
-    Asked before opening: opening a pipe that nobody writes to would wait forever.
-    """
+    """Raise `FileError` where there is no regular file; opening a pipe might wait forever."""
     try:
         mode = Path(path).stat().st_mode
     except (FileNotFoundError, NotADirectoryError) as error:
@@ -176,10 +173,7 @@ def appearing_together() -> Iterator[None]:
 
 
 def remove_file(path: PathLike) -> None:
-    """Remove a file if it exists; within `appearing_together`, when that block ends.
-
-    For a file that belongs to an older version of another one.
-    """
+    """Remove a file if it exists; within `appearing_together`, when that block ends."""
     target = _target_of(path)
     waiting = _WAITING.get()
     if waiting is None or _is_scratch(target):
@@ -195,10 +189,7 @@ def remove_file(path: PathLike) -> None:
 
 
 def _put_in_place(waiting: Mapping[Path, Path | None]) -> None:
-    """Move finished files to their targets, in one step that no signal divides.
-
-    Their content is on the disk before, so that a power cut leaves no empty files of their names.
-    """
+    """Move finished files, already on the disk, to their targets, not divided by signals."""
     moved = {target: temporary for target, temporary in waiting.items() if temporary is not None}
     removed = [str(target) for target in waiting if target not in moved and target.is_file()]
     for target, temporary in moved.items():
@@ -229,10 +220,7 @@ def new_scratch_folder() -> Path:
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Make a temporary folder, which is removed after the block.
-
-    Files in it wait for no others.
-    """
+    """Make a temporary folder, which is removed after the block."""
     # Named before it is made: a signal while it is being made must leave nothing.
     parent = Path(os.path.realpath(tempfile.gettempdir()))
     folder = parent / f"{scratch_prefix(parent)}{os.urandom(6).hex()}"
@@ -268,10 +256,7 @@ def _mode_for(target: Path) -> int:
 
 
 def check_writable(path: PathLike) -> None:
-    """Raise `FileError` if a file cannot be written at `path`.
-
-    Long jobs call this before they start.
-    """
+    """Raise `FileError` before a long job if a file cannot be written at `path`."""
     target = _target_of(path)
     if not os.access(target.parent, os.W_OK):
         raise FileError(f"{path}: the folder {target.parent} cannot be written to")
@@ -298,10 +283,7 @@ def _target_of(path: PathLike) -> Path:
 
 
 def check_folder(folder: PathLike) -> None:
-    """Raise `FileError` if files cannot be written to `folder`.
-
-    The folder need not exist if it can be created.
-    """
+    """Raise `FileError` if files cannot be written to `folder`, existing or not."""
     try:
         there = Path(os.path.realpath(folder))
         while not there.exists():

@@ -39,10 +39,7 @@ def raised_limits(
     max_triangles: int | None = None,
     allow_outside: bool = False,
 ) -> Iterator[None]:
-    """Raise limits for the block, in this process and in those that it starts.
-
-    `max_image`: greatest side of an image in pixels.
-    """
+    """Raise limits, images by their side in pixels, for the block and processes it starts."""
     allows_outside()
     if max_image is None:
         _max_image()
@@ -75,10 +72,7 @@ def whole_number(text: str) -> int | None:
 
 
 def require_image_size(path: PathLike, width: int, height: int, n_channels: int) -> None:
-    """Raise `FileFormatError` if an image has too many pixels.
-
-    By default, it may have 16,384 x 16,384, whatever its shape, with up to four channels.
-    """
+    """Raise `FileFormatError` if an image has too many pixels, by default 16,384 squared."""
     side = _max_image()
     n_pixels = max(width * height, -(-width * height * n_channels // _MOST_CHANNELS))
     if n_pixels > side * side:
@@ -116,10 +110,7 @@ def allows_outside() -> bool:
 
 
 def file_beside(path: PathLike, name: str) -> Path:
-    """Return the path of a file that another file names, relative to its folder.
-
-    Symbolic links in that folder are followed.
-    """
+    """Return the path of a file that another file names, relative to its folder."""
     if len(name) > LONGEST_NAME:
         raise FileError(f"{path}: it names {quoted(name)}, which is too long for a file")
     folder = Path(path).parent
@@ -149,10 +140,7 @@ def _with_slashes(folder: Path, name: str) -> str:
 
 
 def real_path(path: PathLike, name: str) -> str:
-    """Return a path that is equal for all names by which a file names another one.
-
-    A small file could name a large one as `a.png`, `./a.png` and so on, to have it read each time.
-    """
+    """Return a path that is equal for all names by which a file names another one."""
     if len(name) > LONGEST_NAME:  # the system would be asked about each of its parts
         return name
     folder = Path(path).parent

@@ -27,11 +27,7 @@ class MessageError(Exception):
 
 
 def pack(value: Any) -> list[bytes | memoryview]:
-    """Return the message of a value, in parts.
-
-    A value is a number, a text, bytes, an array, or a sequence, mapping or dataclass of values.
-    Keys of mappings are texts or numbers. Sequences are received as tuples.
-    """
+    """Return the message of a value, in parts; sequences are received as tuples."""
     writer = _Writer()
     text = json.dumps(writer.tree(value)).encode()
     text += b" " * _padding(_LENGTH.size + len(text))

@@ -24,10 +24,7 @@ def default_threads() -> int:
 
 
 def module_path() -> str:
-    """Return `PYTHONPATH` for child processes that must import the same modules as this one.
-
-    It has the current folder only if this package was imported from there.
-    """
+    """`PYTHONPATH` for child processes that must import the same modules as this one."""
     own = str(Path(__file__).resolve().parents[1])
     folders = [folder for folder in sys.path if folder]
     return os.pathsep.join(folders if own in folders else [own, *folders])
@@ -49,10 +46,7 @@ def run_bands(
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> None:
-    """Call `work(start, stop)` over `range(n_items)` in bands of `band` items.
-
-    The first error of a band, or an interrupt, cancels the bands not yet started and is raised.
-    """
+    """Call `work(start, stop)` in bands; the first error or interrupt cancels the rest."""
     starts = range(0, n_items, band)
     n_helpers = min(resolve_threads(threads), len(starts)) - 1
     waiting, finished, errors = deque(starts), deque[int](), deque[BaseException]()

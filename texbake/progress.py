@@ -36,11 +36,7 @@ class ProgressSink(Protocol):
 
 
 class ProgressBar:
-    """Shows the running stage on stderr, in a terminal or a notebook: what `progress=True` means.
-
-    A stage that took a tenth of a second or more leaves a line with its time. A file gets only
-    these lines.
-    """
+    """Shows the running stage on stderr, in a terminal or notebook, for `progress=True`."""
 
     INTERVAL = 0.1  # seconds between two states of a stage
     _CELLS = 24
@@ -130,11 +126,7 @@ def _sink_of(progress: Progress) -> ProgressSink | None:
 
 @dataclass(frozen=True)
 class StageRecord:
-    """Time and memory of one stage.
-
-    `peak_memory_bytes` is the peak resident memory of the process up to the end of the stage, or
-    None where the system does not report it.
-    """
+    """Time of one stage, and peak resident memory of the process up to its end, if known."""
 
     name: str
     seconds: float
@@ -142,10 +134,7 @@ class StageRecord:
 
 
 class ProcessTimes:
-    """Seconds of each stage since the process began: a second counts for the innermost stage.
-
-    What comes before the first stage is "start", and what comes between stages is "other work".
-    """
+    """Seconds of each innermost stage since the process began, and of "start" and "other work"."""
 
     def __init__(self) -> None:
         self.start = time.perf_counter() - process_age()
@@ -218,11 +207,7 @@ class Stages:
     def stage(
         self, name: str, *, total: int | None = None, unit: str = "", recorded: bool = True
     ) -> Iterator[Callable[[int], None]]:
-        """Report a block to the listener; yields a function to call with the units just done.
-
-        Its time is recorded too, unless `recorded` is false because its parts are recorded one by
-        one.
-        """
+        """Report a block, recorded or by its parts; yields a function to call with units done."""
         done = 0
 
         def advance(n_units: int) -> None:

@@ -97,10 +97,7 @@ class OptionField:
         return self.default is MISSING
 
     def check(self, value: Any) -> None:
-        """Raise `OptionError` unless a value is a choice, or has the right type and range.
-
-        The class itself checks types other than numbers and choices.
-        """
+        """Raise `OptionError` unless a value is a choice, or has the right type and range."""
         words = self.option.choices
         if (value is None and self.optional) or self._chooses(value):
             return
@@ -173,10 +170,7 @@ class CheckedOptions:
     """Base of option classes, whose values are checked when they are created."""
 
     def __post_init__(self) -> None:
-        """Check every value against its type, range and choices.
-
-        Numbers of NumPy become those of Python, so that the rest need not know of both.
-        """
+        """Check every value, made a number of Python, against its type, range and choices."""
         kind: Any = type(self)
         for item in option_fields(kind):
             if item.checked:
@@ -197,10 +191,7 @@ def _of_python(value: Any) -> Any:
 
 
 def check_fields(instance: Any, prefix: str = "") -> None:
-    """Check the words and numbers of a dataclass; messages name each as `prefix` and its name.
-
-    Fields that can be tuples are skipped: arrays may replace them, so their class checks them.
-    """
+    """Check words and numbers of a dataclass, named with a `prefix`; tuples check themselves."""
     kind: Any = type(instance)
     for item in option_fields(kind):
         if item.checked and not any(get_origin(each) is tuple for each in item.kinds):

@@ -26,10 +26,7 @@ MOVING = threading.Lock()
 
 
 def unfinished_name(folder: Path, suffix: str = "") -> str:
-    """Return a new name for a temporary file, beginning with `PREFIX`.
-
-    The folder is looked through, once, for temporary files that a killed process has left.
-    """
+    """New name for a temporary file in a folder, which is cleared once of what was left."""
     clear_once(folder)
     return f"{PREFIX}{_owner()}-{os.urandom(6).hex()}{suffix}"
 
@@ -53,11 +50,7 @@ def clear_once(folder: Path) -> None:
 
 
 def clear_unfinished(patience: float) -> None:
-    """Remove all temporary files and folders of this process, which then must end at once.
-
-    For a signal that the work does not react to. Waits up to `patience` seconds for files that are
-    just being renamed.
-    """
+    """Remove all temporary files of this process, renamed within `patience` s, before its end."""
     MOVING.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):
         _clear(folder, lambda process: process == os.getpid())
@@ -69,10 +62,7 @@ def _owner() -> str:
 
 @cache
 def _machine() -> str:
-    """Return digits for this machine since its start, and for the processes that are seen here.
-
-    Numbers of processes are unique only among those.
-    """
+    """Digits for this machine since its start, and for the processes that are seen here."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii")
         among = str(Path("/proc/self/ns/pid").readlink())

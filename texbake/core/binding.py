@@ -81,10 +81,7 @@ class Declaration:
 
     @cached_property
     def derived(self) -> dict[str, list[tuple[Parameter, int, int]]]:
-        """The sizes that come from shapes: for each, its arrays, dimensions and offsets.
-
-        Arrays that cannot be left out come first.
-        """
+        """Arrays, required ones first, and dimensions of each size that comes from shapes."""
         scalars = {parameter.name for parameter in self.parameters if not parameter.dimensions}
         sources: dict[str, list[tuple[Parameter, int, int]]] = {}
         for array in sorted(self.parameters, key=lambda parameter: parameter.optional):
@@ -122,11 +119,7 @@ def _read_parameter(function: str, text: str) -> Parameter:
 
 
 def bind(declaration: Declaration, function: Any) -> Callable[..., Any]:
-    """Return a Python function that calls a function of the core once its arguments are checked.
-
-    It takes the declared parameters in their order, without the sizes that shapes tell, and returns
-    what the function of the core returns.
-    """
+    """Return a checked Python function for one of the core, without sizes that shapes tell."""
     result = declaration.result
     function.restype = None if result == "void" else TYPES[result][1]
     function.argtypes = [

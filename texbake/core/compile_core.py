@@ -115,11 +115,7 @@ def declarations() -> str:
 
 
 def build_for_fuzzer(folder: Path) -> Path:
-    """Compile the core with branches counted, by clang or else by zig; return the library.
-
-    What counts them, and what stops at undefined behavior, comes with the fuzzer: nothing is
-    linked.
-    """
+    """Compile the core with branches counted, by clang or else by zig; return the library."""
     is_there = shutil.which("clang") is not None
     compiler = ["clang"] if is_there else zig_compiler()
     flags = list(FUZZER_FLAGS if is_there else FUZZER_FLAGS_OF_ZIG)

@@ -20,10 +20,7 @@ from texbake.errors import DependencyError
 
 
 class Core:
-    """The functions of the library as methods.
-
-    Each is bound when it is first asked for, and its declaration is read.
-    """
+    """The functions of the library as methods, bound when they are first asked for."""
 
     def __getattr__(self, name: str) -> Callable[..., Any]:
         match = self._prototypes.get(name)

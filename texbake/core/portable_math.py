@@ -216,10 +216,7 @@ def svd(matrix: npt.ArrayLike) -> tuple[Array, Array]:
 
 
 def lstsq(matrix: npt.ArrayLike, sides: npt.ArrayLike, *, rcond: float) -> tuple[Array, int]:
-    """The shortest x that brings `matrix @ x` closest to sides (m,), and the rank of the matrix.
-
-    Singular values below `rcond` times the largest count as 0.
-    """
+    """Shortest x with `matrix @ x` closest to sides (m,), and the rank by singular values."""
     a = np.asarray(matrix, np.float64)
     sizes, directions = svd(a)
     rank = int(np.count_nonzero(sizes > rcond * sizes[0]))

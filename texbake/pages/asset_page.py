@@ -144,10 +144,7 @@ def write_bake_page(
     up: str = RenderOptions.up,
     progress: Progress = None,
 ) -> Comparison | None:
-    """Write the page of a bake, a single file that works offline.
-
-    `up`: world axis that points up in the pictures: `y` or `z`.
-    """
+    """Write the page of a bake, a single file that works offline; `up`: `y` or `z`."""
     high, low = as_mesh(high), as_mesh(low)
     report = baked.report
     picture = RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX, up=up)
@@ -179,10 +176,7 @@ def write_bake_page(
 
 
 def page_options(options: BakeOptions) -> BakeOptions:
-    """Add the maps that a page needs to the options of a bake, without changing the other maps.
-
-    No map is added with adaptive sampling or a time budget, because these depend on all maps.
-    """
+    """Add the maps that a page needs, unless adaptive samples would then change others."""
     if options.is_adaptive or options.time_budget is not None:
         return options
     return replace(options, maps=tuple(dict.fromkeys((*options.maps, *PAGE_MAPS))))

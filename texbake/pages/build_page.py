@@ -44,11 +44,7 @@ class BuildRow:
 
 
 def thumbnail(picture: FloatImage | PathLike) -> bytes:
-    """Return a picture of an asset as a small JPEG file.
-
-    `picture`: a linear picture (H, W, 3 or 4) float32, or the path of a color image file. It is
-    cropped to a centered square.
-    """
+    """Small, square JPEG file of a linear picture (H, W, 3 or 4), or of a color image file."""
     Image = require_library("PIL.Image", "pictures of pages")
 
     if isinstance(picture, np.ndarray):

@@ -105,10 +105,7 @@ class MortonTree:
 
     @cached_property
     def leaves(self) -> FloatArray:
-        """(L, 9, WIDTH) float64: local x, y, z of first corners, then of second and third ones.
-
-        Hemispheres, whose many rays meet each leaf often, need them.
-        """
+        """(L, 9, WIDTH) local x, y, z of first corners, then of second and third ones."""
         leaves = np.empty((len(self.ids), 9, WIDTH))
 
         def fill(start: int, stop: int) -> None:

@@ -84,13 +84,7 @@ class OrientationReport:
 def oriented(
     mesh: Mesh, orientation: str, *, keep_open: bool = False, threads: int | None = None
 ) -> tuple[Mesh, OrientationReport]:
-    """Flip the parts of a mesh that face inwards.
-
-    A mesh of which nothing is seen from behind is returned as it is.
-
-    `keep_open`: leave shells with a boundary as they are, such as cards that are drawn from one
-    side alone.
-    """
+    """Flip the parts of a mesh that face inwards; if `keep_open`, only shells without boundary."""
     if orientation == "keep" or mesh.n_faces == 0 or not mesh.diagonal > 0.0:
         return mesh, OrientationReport(mesh=mesh.name)
     scene = RayScene.build(mesh, LocalFrame.around(mesh), threads=threads)
@@ -102,10 +96,7 @@ def oriented(
 def oriented_in(
     mesh: Mesh, scene: RayScene, *, keep_open: bool = False
 ) -> tuple[Mesh, OrientationReport]:
-    """Flip the parts of a mesh that face inwards, using a scene of it that was built before.
-
-    Faces that occur in both windings are right.
-    """
+    """Flip the parts of a mesh that face inwards, using a scene of it that was built before."""
     welded = weld_rows(mesh.positions)[mesh.faces]
     pairs = edge_neighbors(welded)
     areas = face_areas(_centered(mesh), mesh.faces, threads=scene.threads)
@@ -220,11 +211,7 @@ def _points(
 
 
 def _points_allowed(mesh: Mesh) -> float:
-    """Points of all parts together, from the boxes that a ray through the mesh meets.
-
-    That a line which meets a box meets another one inside of it has the probability of the ratio of
-    their areas.
-    """
+    """Points of all parts together, from the boxes that a ray through the mesh meets."""
     step = max(1, mesh.n_faces // _FACES_LOOKED_AT)
     corners = mesh.positions[mesh.faces[::step]] / max(mesh.diagonal, 1e-300)
     x, y, z = (corners.max(axis=1) - corners.min(axis=1)).T

@@ -34,10 +34,7 @@ NO_HIT = -1
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Base of dataclasses whose fields are arrays of equal length, one row per thing.
-
-    A field may be None, for all rows at once.
-    """
+    """Base of dataclasses of arrays with one row per thing, or None for all rows at once."""
 
     def __len__(self) -> int:
         return len(getattr(self, fields(self)[0].name))
@@ -171,10 +168,7 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
 
 
 def scrambled_nets(n_sets: int, n_points: int) -> UintArray:
-    """Owen-scrambled copies of the first points of Sobol's sequence in two dimensions.
-
-    Returns (n_sets, n_points, 2) uint32: coordinates in the unit square times 2^32.
-    """
+    """(n_sets, n_points, 2) uint32: Owen-scrambled first points of Sobol's sequence, times 2^32."""
     ids = np.arange(n_points, dtype=np.uint32)
     # The first coordinate is the index with its bits reversed. Scrambling works on reversed bits,
     # so this begins with the index itself.

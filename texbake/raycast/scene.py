@@ -40,10 +40,7 @@ _BOX_SLACK = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RayPlaces(Rows):
-    """Where rays stand in a texture, for bundles: rows as in `Rays`.
-
-    The rays of a square of `BUNDLE_SIDE` columns and rows must follow each other.
-    """
+    """Where rays stand in a texture; those of each square of `BUNDLE_SIDE` follow each other."""
 
     charts: npt.NDArray[np.int32]  # (n,) int32; rays of different charts are not in one bundle
     cells: npt.NDArray[np.int32]  # (n, 2) int32; column and row
@@ -135,11 +132,7 @@ class RayScene:
     def cast_in_order(
         self, n: int, make: MakeRays, *, cull_back_faces: bool, threads: int | None = None
     ) -> RayHits:
-        """As `cast`, of `n` rays in the order of their places.
-
-        `make` returns the rays of a band with their places. It runs again for each tree, so that no
-        rays are stored while a mesh is traced in chunks. `threads`: None for those of the scene.
-        """
+        """As `cast`, of `n` rays by place; `make` returns a band of them, again for each tree."""
         hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
         nearest, backs = np.full(n, np.inf), np.full(n, np.inf)
@@ -196,13 +189,7 @@ class RayScene:
     def cast_hemispheres(
         self, hemispheres: Hemispheres, sets: Float32Array, occlusion_range: OcclusionRange
     ) -> Float32Array:
-        """Cast all rays of the hemispheres.
-
-        Kernel: `core/single_rays.c`.
-
-        `sets` (S, n_rays, 3) float32. Returns (n, N_COLUMNS) float32: the columns of
-        `texbake.raycast.rays`, lengths in local units.
-        """
+        """(n, N_COLUMNS) results of all rays, by `core/single_rays.c`; (S, n_rays, 3) `sets`."""
         tree = self._tree
         if tree is None:
             raise OptionError(
