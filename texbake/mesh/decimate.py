@@ -186,7 +186,7 @@ def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
 
 
 def open_vertices(stream: VertexStream) -> npt.NDArray[np.bool_]:
-    """(V,) bool: where the surface is open, or its faces are wound in different ways."""
+    """(V,) bool: where a surface is open or wound in different ways; `core/closed_surfaces.c`."""
     vertex_of, points = stream.vertices
     is_open = np.empty(len(points), dtype=bool)
     core.mark_open_vertices(vertex_of, stream.faces, is_open)

@@ -226,7 +226,7 @@ def sample_surface(
 def _spread_samples(
     positions: FloatArray, faces: IntArray, n: int, seed: int, threads: int | None
 ) -> tuple[IntArray, FloatArray]:
-    """Face and barycentrics of each sample; positions of about unit size."""
+    """Face and barycentrics of each sample, by `core/pcg64.c`; positions of about unit size."""
     random = np.empty(n + 2)
     core.draw_uniform(seed, random)
     steps = np.arange(n)

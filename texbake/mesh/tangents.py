@@ -272,7 +272,7 @@ def _flattened(vectors: AnyArray, normals: AnyArray) -> AnyArray:
 def _fans(
     vertices: IntArray, unmapped: BoolArray, preserving: BoolArray
 ) -> tuple[IntArray, BoolArray]:
-    """(F, 3) fan of each corner, -1 for none, and whether each fan keeps the orientation."""
+    """(F, 3) fan of corners or -1, and whether it keeps orientation; `core/mikktspace_fans.c`."""
     fans = np.full(vertices.shape, -1, dtype=np.int32)
     fan_preserving = np.zeros(vertices.size, dtype=bool)
     neighbors = _neighbors(vertices)

@@ -101,7 +101,7 @@ class EdgeNeighbors:
 
 
 def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
-    """Find the pairs of faces (F, 3) that share an edge which no third face has."""
+    """Find pairs of faces (F, 3) at an edge without a third face; `core/closed_surfaces.c`."""
     corners = np.ascontiguousarray(faces, np.int32).ravel()
     first, second = np.empty((2, len(corners) // 2), np.int64)
     agree, others = np.empty(len(first), np.bool_), np.empty(len(corners), np.int64)

@@ -52,10 +52,7 @@ class Loops:
 
     @classmethod
     def of(cls, points: FloatArray, faces: IntArray, edges: MeshEdges | None = None) -> Loops:
-        """Find the loops.
-
-        `points` (V, 3) float64; `faces` (F, 3) int32; `edges`: of the faces, if they are known.
-        """
+        """Find the loops of faces (F, 3) at points (V, 3)."""
         edges = find_edges(faces) if edges is None else edges
         odd = edges.vertices[edges.n_faces % 2 == 1]
         loops = _traced(odd.tolist())
@@ -88,20 +85,13 @@ class Loops:
         return np.stack([self.vertices, self.vertices[next_corners(self.sizes)]], axis=1)
 
     def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Indices]:
-        """Triangulate some loops.
-
-        `points` (V, 3) float64; `chosen` (m,) bool. Returns `faces` (n, 3) int32; `loops` (n,)
-        int64: which loop each of them fills.
-        """
+        """Triangulate chosen loops (m,): faces (n, 3) and the loop (n,) that each of them fills."""
         vertices = np.ascontiguousarray(self.vertices[np.repeat(chosen, self.sizes)])
         triangles, owners, _ = cut_polygons(points, vertices, self.sizes[chosen])
         return vertices[triangles], np.flatnonzero(chosen)[owners]
 
     def fanned(self, points: FloatArray, chosen: BoolArray) -> tuple[FloatArray, IntArray]:
-        """Fill some small loops with a fan each, around the mean of their vertices.
-
-        Returns `points` (V + n, 3) float64; `faces` (m, 3) int32.
-        """
+        """Fill small loops with fans around their means: points (V + n, 3), faces (m, 3)."""
         sizes, edges = self.sizes[chosen], self.edges[np.repeat(chosen, self.sizes)]
         if len(sizes) == 0:
             return points, edges.reshape(0, 3)
@@ -141,10 +131,7 @@ def _traced(edges: list[list[int]]) -> list[list[int]]:
 
 
 def with_own_fans(points: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Give each fan of faces around a vertex a vertex of its own, and leave out unused ones.
-
-    Faces are neighbors across an edge that has two.
-    """
+    """Give each fan of faces around a vertex its own vertex, and leave out unused ones."""
     pairs = edge_neighbors(faces)
     corners = faces.ravel()
     tails, heads = [], []
@@ -217,11 +204,7 @@ AS_IT_IS = Kind(np.zeros((0, 3), np.int32), NO_LOOPS, np.zeros(0, np.bool_), Fal
 
 
 def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) -> Kind:
-    """Decide whether a surface is open or the surface of a body.
-
-    `points` (V, 3) float64, in units of the voxels that it will be remeshed with; `faces` (F, 3)
-    int32.
-    """
+    """Decide whether a surface, with points in voxels, is open or that of a body."""
     is_closed = surface_side(Mesh(positions=points, faces=faces), threads=threads) != "both"
     faces = weld_rows(points, threads=threads)[faces]
     if is_closed:
@@ -278,10 +261,7 @@ def count_loops(faces: IntArray) -> int:
 def _seen_through_holes(
     points: FloatArray, faces: IntArray, areas: FloatArray, threads: int | None
 ) -> tuple[npt.NDArray[np.int64], FloatArray]:
-    """Measure at some faces, evenly by area, how much of the other side is seen through holes.
-
-    As a share of all directions, 0 where the surface is closed, 0.5 where it is flat.
-    """
+    """Share of directions in which some faces, evenly by area, see the other side."""
     sums = np.cumsum(areas)
     # A large odd step puts them in no order, since the last ones may not be measured.
     steps = (np.arange(_SAMPLES) * 197 % _SAMPLES + 0.5) / _SAMPLES
@@ -311,10 +291,7 @@ class Filled:
 
 
 def fill_holes(points: FloatArray, kind: Kind, gap: float, *, whole: bool) -> Filled:
-    """Fill the holes of an open surface up to a width, or those of a body.
-
-    `points` (V, 3) float64.
-    """
+    """Fill the holes of an open surface up to a width, or those of a body."""
     loops = kind.loops
     if kind.is_open:
         chosen = (loops.widths <= gap) & ~loops.outer

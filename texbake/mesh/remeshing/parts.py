@@ -54,12 +54,7 @@ class Parts:
 def without_crumbs(
     points: FloatArray, faces: IntArray, *, keep_cavities: bool
 ) -> tuple[FloatArray, IntArray, int]:
-    """Leave out parts that are smaller than a voxel, which the grid alone makes; also count them.
-
-    Walls of so small cavities go as well, and are not counted. The largest part stays.
-
-    `points` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32.
-    """
+    """Leave out parts smaller than a voxel but the largest; also count them."""
     parts = Parts.of(points, faces)
     sizes = np.zeros(len(parts.volumes))
     for axis in range(3):
@@ -90,10 +85,7 @@ def _of_parts(
 def without_cut_off(
     points: FloatArray, faces: IntArray, n_given: int
 ) -> tuple[FloatArray, IntArray, int]:
-    """Leave out small solid parts beyond the `n_given` of the mesh; also count them.
-
-    They were cut off at thin places of the mesh. If they are not small together, all parts stay.
-    """
+    """Leave out small solid parts beyond `n_given`, if small together; also count them."""
     parts = Parts.of(points, faces)
     solids = np.flatnonzero(~parts.is_wall)
     if len(solids) <= n_given:
@@ -107,10 +99,7 @@ def without_cut_off(
 def without_small_parts(
     points: FloatArray, faces: IntArray, least: float
 ) -> tuple[FloatArray, IntArray, int]:
-    """Leave out parts with less than a share of the area; also count them.
-
-    If they are not small together, all parts stay.
-    """
+    """Leave out parts below a share of the area, if small together; also count them."""
     ids, n_parts = face_components(faces, len(points))
     areas = np.bincount(ids, face_areas(points, faces), n_parts)
     return _drop_small_parts(points, faces, ids, areas, areas < least * areas.sum())
@@ -132,10 +121,7 @@ def _drop_small_parts(
 def largest_parts(
     points: FloatArray, faces: IntArray, n_kept: int | None, *, threads: int | None = None
 ) -> tuple[FloatArray, IntArray, int]:
-    """Keep the solid parts of most volume, with their cavities; also count the others.
-
-    `points` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32.
-    """
+    """Keep the solid parts of most volume, with cavities, in voxels; also count the others."""
     if n_kept is None:
         return points, faces, 0
     parts = Parts.of(points, faces)

@@ -171,11 +171,7 @@ def without_folds(
     is_sharp: BoolArray,
     threads: int | None,
 ) -> FloatArray:
-    """Take back the steps of vertices of faces that fold, first by halves, then wholly.
-
-    Those of vertices that go onto sharp edges are taken back last. Of vertices that would come to
-    one place, all but the first go half as far.
-    """
+    """Take back steps of vertices of faces that fold, by halves, then wholly, sharp ones last."""
     copies = weld_rows(targets, threads=threads) != np.arange(len(targets))
     targets = np.where(copies[:, None], 0.5 * (before + targets), targets)
     after, shares = targets.copy(), np.ones(len(before))
@@ -344,10 +340,7 @@ def _candidates(quads: IntArray, normals: FloatArray, face_ids: IntArray) -> Boo
 def _meet_planes(
     normals: FloatArray, offsets: FloatArray, rows: npt.NDArray[np.intp], n: int
 ) -> tuple[FloatArray, npt.NDArray[np.intp]]:
-    """(n, 3) places, closest to 0, where the planes of each row meet.
-
-    And (n,) int: how many directions their normals span, 1 for a plane and 3 for a corner.
-    """
+    """(n, 3) places, closest to 0, where planes of rows meet, and (n,) directions they span."""
     moments, pulls = np.empty((n, 3, 3)), np.empty((n, 3))
     distances = pm.vecdot(normals, offsets)
     for i in range(3):

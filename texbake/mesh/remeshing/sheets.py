@@ -156,10 +156,7 @@ def remesh_sheets(
     sharp_edges: bool = False,
     threads: int | None = None,
 ) -> tuple[FloatArray, IntArray, int]:
-    """Remesh an open surface; sheets whose boxes meet are remeshed one after the other.
-
-    `points` (V, 3) float64, in units of a voxel.
-    """
+    """Remesh an open surface, in voxels; sheets whose boxes meet one after the other."""
     parts, n_parts = face_components(filled.faces, len(points))
     rounds = _rounds(points, filled.faces, parts, n_parts)[parts]
     of_vertex = np.zeros(len(points), dtype=np.int64)
@@ -204,10 +201,7 @@ def remesh_sheets(
 def _rounds(
     points: FloatArray, faces: IntArray, parts: IntArray, n_parts: int
 ) -> npt.NDArray[np.int64]:
-    """(n,) int: round for each part, such that the boxes of those of one round are apart.
-
-    The last of all rounds takes all that are left.
-    """
+    """(n,) round for each part: boxes of one round are apart, but for the last one."""
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     np.minimum.at(low, parts, points[faces].min(axis=1) - BAND_WIDTH)
     np.maximum.at(high, parts, points[faces].max(axis=1) + BAND_WIDTH)
@@ -234,10 +228,7 @@ def largest_sheets(
 def _cleaned(
     points: FloatArray, faces: IntArray, n_given: int, rim: TriangleTree | None, threads: int | None
 ) -> tuple[FloatArray, IntArray]:
-    """Leave out small parts, and fill holes that the grid made.
-
-    These parts are tiny, or small and cut off at a thin neck, beyond the `n_given` of the mesh.
-    """
+    """Leave out parts that the grid cut off beyond `n_given`, and fill holes that it made."""
     faces = _without_pinches(points, faces)
     parts, n_parts = face_components(faces, len(points))
     areas = np.bincount(parts, face_areas(points, faces), n_parts)
@@ -287,10 +278,7 @@ def _made_by_grid(
 def _onto_rim(
     points: FloatArray, faces: IntArray, rim: TriangleTree, threads: int | None
 ) -> FloatArray:
-    """Move the boundary of a sheet onto that of the mesh, as far as no face folds.
-
-    Vertices that folds hold back are moved again, when those around them have moved.
-    """
+    """Move the boundary of a sheet onto that of the mesh, as far as no face folds."""
     edges = find_edges(faces)
     ids = np.unique(edges.vertices[edges.boundary])
     is_sharp = np.zeros(len(points), dtype=np.bool_)

@@ -154,12 +154,7 @@ class Nets:
         return n_parts - (len(self.positions) - len(self.quads)) // 2
 
     def triangles(self, positions: FloatArray, *, threads: int | None = None) -> IntArray:
-        """Divide the quads evenly at the positions that vertices have moved to.
-
-        Where a face would then be folded, the quad is divided as it would have been before.
-
-        Returns (2 n, 3) int32.
-        """
+        """(2 n, 3) divided quads at new positions, evenly, or as before where that would fold."""
         faces = np.empty((len(self.quads), 2, 3), dtype=np.int32)
         split = partial(core.split_quads, self.positions, positions, self.quads, faces)
         run_bands(split, len(self.quads), band=_QUADS, threads=threads)
