@@ -215,10 +215,7 @@ class OuterPoints(Rows):
 def find_outer_points(
     high: Mesh, low: Mesh, normals: FloatArray, *, threads: int | None
 ) -> OuterPoints:
-    """Find the points that a cage of the low-poly mesh must enclose; both are on their grid.
-
-    `normals` (V, 3) float64: smooth normals of the low-poly mesh.
-    """
+    """Points that a cage must enclose, on the grid of both meshes; normals (V, 3) are smooth."""
     over_lattice = _ray_points(high, low, normals, threads)
     points = OuterPoints.joined([over_lattice, _vertex_points(high, low, normals, threads)])
     sides = pm.matvec(normals[low.faces], face_normals(low, threads=threads))

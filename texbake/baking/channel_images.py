@@ -38,11 +38,7 @@ def surface_points(
     faces: IntArray,
     barycentrics: npt.NDArray[np.floating[Any]],
 ) -> tuple[FloatArray, Float32Array]:
-    """Return points of faces, (n, 3) float64, and unit normals there, (n, 3) float32.
-
-    `vectors` (N, 3) and `corners` (F, 3) are the normals of the mesh; `barycentrics` (n, 2) are the
-    weights of the second and third corner.
-    """
+    """Points of faces (n, 3) and unit normals there, by barycentrics (n, 2) of corners 2 and 3."""
     weights: FloatArray = barycentrics.astype(np.float64, copy=False)
     vertices = np.take(mesh.faces, faces, axis=0)
     points = np.take(mesh.positions, vertices[:, 0], axis=0)
@@ -116,10 +112,7 @@ class ChannelImages:
     def values(
         self, image: ChannelImage, points: MaterialPoints, *, is_color: bool
     ) -> Float32Array:
-        """(n, components) float32: linear values at points, looked up bilinearly.
-
-        `is_color`: whether an 8-bit image is coded in sRGB.
-        """
+        """(n, components) linear values at points, bilinearly; `is_color`: 8 bits are sRGB."""
         pixels = self._pixels(image, is_color)
         places = points.places(image, self.uvs[image.uv_set], self.uv_faces, self.threads)
         if image.is_nearest:
@@ -140,10 +133,7 @@ class ChannelImages:
 
 
 def decoded_image(image: ChannelImage, *, is_color: bool) -> Float32Array:
-    """(H, W, components) float32: the components of an image that a channel reads, linear.
-
-    A gray image has its gray in red, green and blue; one without alpha is opaque.
-    """
+    """(H, W, components) linear components of an image that a channel reads, opaque by default."""
     from texbake.texture.image import decode_image
 
     pixels = decode_image(image.data, image.name, color=is_color).pixels
@@ -213,10 +203,7 @@ def _source_values(
 
 
 def replace_by_normal_maps(hits: Hits, inputs: BakeInputs, normals: Float32Array) -> None:
-    """Replace normals of hits, in place, where a material of the high-poly mesh has a normal map.
-
-    Kernel: `core/barycentric.c`.
-    """
+    """Replace normals of hits by those of normal maps, in place; `core/barycentric.c`."""
     assert inputs.materials is not None
     sources = inputs.materials.sources("normal")
     for source, points in zip(sources, inputs.high_surface.material_points(hits), strict=True):

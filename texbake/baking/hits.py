@@ -64,10 +64,7 @@ class Hits(Rows):
         kernel: Callable[[Hits, Float32Array], object],
         threads: int | None,
     ) -> Float32Array:
-        """(n, C) float32: values of the hits, from a kernel that is run on each band of both.
-
-        `values`: those to change in place, or C, the number of channels of new ones.
-        """
+        """(n, C) values of hits by a kernel on bands, in place of given ones or C new channels."""
         if isinstance(values, int):
             values = np.empty((len(self), values), dtype=np.float32)
 
@@ -89,10 +86,7 @@ class Hits(Rows):
         return self.computed(values.shape[1], interpolate, threads)
 
     def fill(self, samples: Samples, rays: Rays, ray_hits: RayHits, frame: LocalFrame) -> None:
-        """Fill in the rows of samples, in place, from what their rays hit.
-
-        Kernel: `core/sample_rays.c`.
-        """
+        """Fill in rows of samples from what their rays hit, by `core/sample_rays.c`."""
         self.high_faces[:] = ray_hits.faces
         core.offsets_of_hits(
             samples.barycentrics,

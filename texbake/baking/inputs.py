@@ -194,10 +194,7 @@ class BakeInputs:
         return cls(surface, LowSurface(low, options.threads), options, known_bounds, stream)
 
     def of_hits(self, hits: Hits) -> tuple[BakeInputs, Hits]:
-        """Return the inputs that maps of some hits are made from, and the hits with their faces.
-
-        They are the same, unless the high-poly mesh is streamed: then its faces are those hit.
-        """
+        """Inputs that maps of hits are made from, of a streamed mesh the faces hit; and hits."""
         stream = self.stream
         if stream is None:
             return self, hits

@@ -51,10 +51,7 @@ def parse_bytes(text: str | int) -> int:
 
 
 def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequence[str]) -> int:
-    """Bytes that a bake takes if the high-poly mesh is in one ray tree.
-
-    `n_texels`, `maps`: texels per map, and names of the maps.
-    """
+    """Bytes of a bake with one ray tree, by texels per map and names of maps."""
     n_corners = n_high_faces if _SECONDARY.intersection(maps) else min(n_high_faces, _SMALL_TREE)
     faces = (HELD_FACE + TREE_FACE) * n_high_faces + HELD_FACE * n_low_faces
     faces += CORNERS_FACE * n_corners
@@ -62,8 +59,5 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
 
 
 def memory_left(limit: str | int | None, needed: int) -> float:
-    """Bytes that a limit leaves beside those needed: below 0 if it is exceeded.
-
-    Infinite without a limit.
-    """
+    """Bytes that a limit leaves beside those needed, below 0 if exceeded; else infinite."""
     return math.inf if limit is None else parse_bytes(limit) - needed

@@ -73,11 +73,7 @@ def measure_ray_distances(
     *,
     threads: int | None = None,
 ) -> FloatArray:
-    """Measure how far rays must reach at each vertex of a low-poly mesh.
-
-    Returns (F, 3, 2) float64: how far they start in front of each corner of each face, and how far
-    behind it they end, in the local frame.
-    """
+    """(F, 3, 2) local distances that rays must reach in front of and behind each corner."""
     of_faces = np.zeros((low.n_faces, 2))
     _add_high(of_faces, high, low, frame, threads)
     _add_low(of_faces, probe)
@@ -93,10 +89,7 @@ def measure_ray_distances(
 
 
 def _sides(low: Mesh) -> npt.NDArray[np.intp]:
-    """(F, 3) number of the side of a vertex that each corner lies on.
-
-    Faces that meet at less than `_EDGE` are of one side, also by way of others.
-    """
+    """(F, 3) number of the side of a vertex, of faces that meet below `_EDGE`, at each corner."""
     faces = weld_vertices(low)[low.faces]
     pairs = edge_neighbors(faces)
     normals = face_normals(low)

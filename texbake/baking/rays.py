@@ -58,10 +58,7 @@ class RayMaps:
     def of(
         cls, skew_mask: npt.ArrayLike | None = None, offset_map: npt.ArrayLike | None = None
     ) -> RayMaps | None:
-        """Check the images, (H, W) or (H, W, C), of which the first channel is used.
-
-        Returns None if there are none.
-        """
+        """Check the images, of which the first channel is used; None if there are none."""
         if skew_mask is None and offset_map is None:
             return None
         return cls(

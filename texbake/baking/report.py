@@ -29,10 +29,7 @@ _EVERY = 8  # all percentiles but the least and the greatest use one hit in this
 
 
 class DistanceSummary:
-    """Distances between the two surfaces, collected one part of the trace after another.
-
-    They do not depend on how the trace is divided into parts.
-    """
+    """Distances between two surfaces, collected in parts, however the trace is divided."""
 
     def __init__(self) -> None:
         self._some: list[npt.NDArray[np.float64]] = []

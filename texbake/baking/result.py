@@ -50,10 +50,7 @@ class WrittenMap:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BakedMap:
-    """One map of a bake, as values that are encoded when it is written.
-
-    `np.asarray` returns its values; a notebook shows it as a picture.
-    """
+    """A map of a bake as values, also of `np.asarray` and in notebooks, until it is written."""
 
     kind: MapKind
     # (H, W, C) float32: unit vectors, lengths in model units, colors or ids, depending on the kind;

@@ -62,10 +62,7 @@ _SIZES = (1e-30, 1e37)
 
 @dataclass(frozen=True)
 class RayExtent:
-    """How far in front of the low-poly surface rays start and how far behind it they end.
-
-    Both in model units.
-    """
+    """Model units that rays start in front of the low-poly surface and end behind it."""
 
     front: float
     back: float
@@ -210,10 +207,7 @@ def _measured(scene: RayScene, low: Mesh, kind: str, n_points: int) -> tuple[Ray
 def _from_high(
     scene: RayScene, low: TriangleTree, points: FloatArray, known: tuple[float, float]
 ) -> tuple[float, float]:
-    """Greatest local distance of high-poly points outside and inside the low-poly surface.
-
-    `known`: distances that are reached already; nearer points are not measured exactly.
-    """
+    """Greatest local distance of high-poly points outside and inside, measured above `known`."""
     points, enough = scene.frame.to_local(points), min(known)
     distances, faces, weights = low.closest_points(points, enough=enough, threads=scene.threads)
     far = distances > enough
@@ -255,10 +249,7 @@ def _from_low(probe: RayProbe) -> tuple[float, float]:
 
 
 def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float) -> RayProbe:
-    """Cast rays out and in from points of the low-poly mesh, to front and back faces alike.
-
-    `limit`: length of the rays, in the frame of the scene.
-    """
+    """Cast rays of `limit` in the scene's frame out and in from low-poly points, to both sides."""
     threads = scene.threads
     _, faces, weights = sample_surface(low, n_points, seed=0, threads=threads)
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
@@ -273,10 +264,7 @@ def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit:
 
 
 def _cast_farther(scene: RayScene, probe: RayProbe, limit: float) -> RayProbe:
-    """Cast longer rays from the points of a probe that met no surface facing as the mesh does.
-
-    The farther hits of other points decide nothing.
-    """
+    """Cast longer rays from points of a probe that met no surface facing as the mesh does."""
     rows = np.flatnonzero(np.isinf(probe.distances()).all(axis=0))
     inward = probe.inward.where(rows)
     lengths = np.where(inward.lengths > 0.0, limit, 0.0)
@@ -309,12 +297,7 @@ _REACH = 4.0
 def face_outwards(
     inputs: BakeInputs, scenes: BakeScenes, stages: Stages
 ) -> tuple[BakeInputs, BakeScenes, OrientationReport]:
-    """Flip the parts of the high-poly mesh that face inwards, if `orientation` is auto.
-
-    A mesh that is traced in chunks is left as it is.
-
-    Returns the inputs and scenes given, or others with the mesh flipped.
-    """
+    """Flip parts of the high-poly mesh that face inwards, if that is auto and not in chunks."""
     high, options = inputs.source, inputs.options
     nothing = OrientationReport(mesh=high.name)
     if options.orientation == "keep" or isinstance(high, StreamedMesh) or scenes.high.in_chunks:

@@ -91,10 +91,7 @@ class SecondaryRays:
         return replace(hits, secondary=met), len(hemispheres) * n_rays * len(self.needs)
 
     def hemispheres(self, hits: Hits, n_samples: int) -> Hemispheres:
-        """Hemispheres from hits, none of which is a miss. Kernel: `core/single_rays.c`.
-
-        `n_samples`: samples per texel, which share its part of the net.
-        """
+        """Hemispheres from hits without misses, for samples per texel; `core/single_rays.c`."""
         options, high, frame = self.inputs.options, self.inputs.high, self.scenes.frame
         normals = self.inputs.high_surface.normals
         n = len(hits)

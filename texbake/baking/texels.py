@@ -85,10 +85,7 @@ class Samples(Rows):
 
 
 def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
-    """Snap the texture coordinates of a mesh to the fixed-point grid.
-
-    A face with a corner farther than 2^18 samples from the origin is left out, as one outside.
-    """
+    """Snap uvs of faces within 2^18 samples of the origin to the fixed-point grid."""
     uvs = mesh.corner_uvs()
     with np.errstate(over="ignore"):  # too far in any case
         snapped = np.rint(texel_coordinates(uvs, grid.n_columns, grid.n_rows) * UNIT)
@@ -218,10 +215,7 @@ class TexelBand:
     n_overlaps: int  # samples that more than one face covers
 
     def note_faces(self, texel_faces: IntArray) -> None:
-        """Write the face of the first owned sample of each texel into `texel_faces` (H, W).
-
-        Texels without an owned sample, and those that have a face already, keep their value.
-        """
+        """Write the face of the first owned sample into `texel_faces` (H, W) without one."""
         per_side = self.owners.shape[1] // self.width
         cells = self.owners.reshape(len(self.rows), per_side, self.width, per_side)
         texels = texel_faces[self.rows.start : self.rows.stop]
@@ -232,10 +226,7 @@ class TexelBand:
     def sums(
         self, values: npt.NDArray[np.floating], chosen: npt.NDArray[np.int64] | None = None
     ) -> FloatArray:
-        """(len(rows) * width, C) float64: sums over the samples of each texel of (n, C) values.
-
-        `chosen` are the samples that the values belong to; None for all.
-        """
+        """(len(rows) * width, C) sums of (n, C) values of `chosen` samples, or all, by texel."""
         ids = self.samples.texel_ids if chosen is None else self.samples.texel_ids[chosen]
         places = ids - self.rows.start * self.width
         n_texels = len(self.rows) * self.width
@@ -258,10 +249,7 @@ def owned_bands(
     edit: Callable[[IntArray, range], None] | None = None,
     threads: int | None = None,
 ) -> Iterator[TexelBand]:
-    """Yield the texels that a mesh owns, band by band from the top down, shown as a stage.
-
-    `edit` may change the owners of the samples of some rows, in place, before they are listed.
-    """
+    """Yield owned texels band by band from the top, as a stage, after `edit` of their owners."""
     least = TILE // grid.per_side
     step = max(samples_at_once // (grid.n_columns * grid.per_side) // least, 1) * least
     n_texels = grid.height * grid.width

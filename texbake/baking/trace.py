@@ -166,10 +166,7 @@ class Trace:
         return faces
 
     def _measured_field(self) -> RayField:
-        """Make the rays, and those for what they do not find, which reach as far as any.
-
-        Distances that were not given are measured first: at each vertex, where neither is given.
-        """
+        """Make rays, and longest ones for misses, by distances measured where none are given."""
         options, scenes = self.options, self.scenes
         fits_vertices = (
             options.front is None
@@ -246,10 +243,7 @@ class Trace:
         return hits
 
     def _take_closest(self, samples: Samples, hits: Hits) -> None:
-        """Turn misses into hits at the closest point of a face that faces the ray, in place.
-
-        Where back faces are hit as well, every face counts. A miss stays one where no face does.
-        """
+        """Turn misses into hits at the closest point that faces the ray, if any, in place."""
         rows = np.flatnonzero(~hits.is_hit)
         if len(rows) == 0:
             return
@@ -279,10 +273,7 @@ class Trace:
         hits: Hits,
         threads: int | None,
     ) -> RayHits:
-        """Cast the rays of samples, and fill in the rows of their hits.
-
-        For a mesh in chunks, each chunk generates the rays again, band by band, to save memory.
-        """
+        """Cast the rays of samples, chunk by chunk, and fill in the rows of their hits."""
         scene = self.scenes.high
 
         def make(band: slice) -> tuple[Rays, RayPlaces]:
@@ -308,10 +299,7 @@ class Trace:
         return ray_hits
 
     def _cast_near_first(self, rays: Rays, places: RayPlaces, threads: int | None) -> RayHits:
-        """Cast long rays over a part of their length, and over all of it if they hit nothing.
-
-        Bundles of shorter rays are narrower, and meet fewer triangles of a rough surface.
-        """
+        """Cast long rays over a part of their length first, since short bundles are narrower."""
         scene, cull = self.scenes.high, self.options.cull_back_faces
         mesh = scene.mesh
         size = float(scene.frame.length_to_local(mesh.diagonal)) / math.sqrt(max(mesh.n_faces, 1))

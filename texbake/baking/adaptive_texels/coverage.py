@@ -38,10 +38,7 @@ class FaceBins(NamedTuple):
 
     @classmethod
     def of(cls, low: Mesh, width: int, height: int) -> FaceBins:
-        """Sort the faces of a low-poly mesh into the bins of a map.
-
-        Kernel: `core/edge_functions.c`.
-        """
+        """Sort the faces of a low-poly mesh into the bins of a map, by `core/edge_functions.c`."""
         corners = snap_uvs(low, SampleGrid(width, height, FINE)).corners
         n_rows, n_columns = -(-height // BIN), -(-width // BIN)
         firsts = np.zeros(n_rows * n_columns + 1, dtype=np.int64)

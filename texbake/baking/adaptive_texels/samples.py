@@ -52,10 +52,7 @@ from texbake.sampling.rounds import BudgetClock, TimeBudget
 
 @dataclass(frozen=True, kw_only=True)
 class BakeSampling(SamplingReport):
-    """What the adaptive samples of a bake achieved.
-
-    A divided texel counts by its finest samples, as if it had been sampled that finely throughout.
-    """
+    """What the adaptive samples of a bake achieved; divided texels count by their finest."""
 
     rays_per_texel: float  # rays cast for the maps, per texel with data
     rays_of_check: int  # rays cast for the check
@@ -87,10 +84,7 @@ class BakeSampling(SamplingReport):
 def cast_adaptively(
     sums: TexelSums, trace: Trace, distances: DistanceSummary, clock: BudgetClock
 ) -> tuple[BakeSampling, TimeBudget | None]:
-    """Cast all samples, give the means of texels to `sums`, and check some of them.
-
-    `distances` receives the hits of the first sample of each texel.
-    """
+    """Cast all samples, give the means of texels to `sums`, and check some of them."""
     options, stages = trace.options, trace.stages
     bounded = bounded_maps(trace.setup.kinds, trace.setup.inputs, options.error_bounds)
     sampler = TexelSampler(trace, distances)
@@ -174,10 +168,7 @@ class ValidationBake:
         self._ranks = ranks[hits.is_hit]
 
     def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
-        """(n,) float64: distances of a map's means (height * width, C) from the second bake.
-
-        One for each texel where the second bake hit anything.
-        """
+        """(n,) distances of means (height * width, C) from the second bake, where that hit."""
         values = kind.values(self._hits, self._inputs)
         n = len(self.texels)
         counts = np.bincount(self._ranks, minlength=n)

@@ -77,11 +77,7 @@ class BoundedMap:
         return np.asarray(np.degrees(2.0 * pm.arcsin(np.minimum(differences / 2.0, 1.0))))
 
     def summary(self, errors: npt.NDArray[Any], differences: npt.NDArray[Any]) -> ErrorSummary:
-        """Summarize the errors of the map.
-
-        `errors` (n_texels,): as estimated, in multiples of the bound; `differences` (n_checked,):
-        lengths of the differences from the check.
-        """
+        """Summarize `errors` in multiples of the bound, and the `differences` of a check."""
         measured, bound = self.in_unit(differences), float(self.in_unit(np.array(self.bound)))
         estimated = percentiles_of(errors * self.bound)
         return ErrorSummary(
@@ -144,10 +140,7 @@ FOUR_SAMPLES = 0.05
 
 @dataclass(frozen=True, eq=False)
 class TexelError:
-    """Estimates errors, in bounds of the metric: above 1 is too far off.
-
-    Kernel: `core/second_differences.c`.
-    """
+    """Estimates errors in bounds, by `core/second_differences.c`: above 1 is too far off."""
 
     cells: Cells  # the samples cast so far
     coverage: TexelCoverage
@@ -297,10 +290,7 @@ def estimate_for(sampler: TexelSampler, bounded: list[BoundedMap]) -> TexelError
 
 
 def refine(sampler: TexelSampler, bounded: list[BoundedMap], max_error: str) -> Refinement:
-    """Divide texels until their errors are within bounds.
-
-    `sampler`, with the first samples of all texels, none of which is divided.
-    """
+    """Divide texels, of which `sampler` has the first samples, until errors are within bounds."""
     stages, estimate = sampler.stages, estimate_for(sampler, bounded)
     with stages.part("estimate errors"):
         means, steps = estimate.of_samples()

@@ -157,10 +157,7 @@ class Cells:
         return np.asarray(places.reshape(-1), dtype=np.int32)
 
     def take_over(self, level: Level, cells: IntArray) -> IntArray:
-        """Reuse the samples of earlier divisions; return the cells without any.
-
-        These are moved to the front of `cells`. Kernel: `core/quadtree.c`.
-        """
+        """Return cells without earlier samples, moved to the front, by `core/quadtree.c`."""
         for origins in level.origins:
             n_left = core.take_over_samples(
                 origins, level.first, cells, self.is_cast, self.charts, self.values

@@ -28,10 +28,7 @@ if TYPE_CHECKING:
 
 
 def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Unit normal of the high-poly mesh at each hit, in the space that the options specify.
-
-    Where the tangent frame is singular (a zero normal) the value is flat, (0, 0, 1).
-    """
+    """Unit high-poly normals in the options' space; flat where the tangent frame is singular."""
     from texbake.core import core
 
     normals, corners = inputs.high_surface.normals
@@ -101,11 +98,7 @@ def vector_displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def position_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Point in model space of each hit: (n, 3) float32.
-
-    It is the sample on the low-poly mesh, in float64, plus the offset to the hit, so that its error
-    is the rounding of the result alone.
-    """
+    """Point in model space of each hit: (n, 3) float32, each rounded once."""
     from texbake.core import core
 
     low = inputs.low

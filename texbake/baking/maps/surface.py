@@ -80,11 +80,7 @@ _CHANNELS = (
 
 
 def curvature_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Mean curvature at each hit, per model unit, positive where convex: (n, 1).
-
-    Computed once at the vertices of the high-poly mesh (see `texbake.mesh.normals`) and
-    interpolated over its faces.
-    """
+    """Mean curvature at each hit, per model unit, positive where convex: (n, 1)."""
     high = inputs.high_surface
     return hits.interpolated(high.curvatures, high.mesh.faces, inputs.options.threads)
 
@@ -106,10 +102,7 @@ def concavity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def object_id_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Id of the group of the high-poly mesh at each hit, from 1 on: (n, 1); 1 without groups.
-
-    Groups are the objects and groups of OBJ files and the nodes of glTF files.
-    """
+    """Id of the high-poly group at each hit, from 1 on: (n, 1); 1 without groups."""
     return _ids_of_hits(hits, inputs.high.face_groups, inputs.options.threads)
 
 

@@ -275,11 +275,7 @@ def bake_objects(
     progress: Progress = None,
     clock: BudgetClock | None = None,
 ) -> BakeResult:
-    """Bake each object from the one with the matching name if all names pair up, else as `bake`.
-
-    A bake with a time budget or with kept hits is always that of `bake`. All parameters but `pair`
-    are those of `bake`; if `pair` is False, objects are not paired.
-    """
+    """Bake each object from the one of its name if all pair up and `pair`, else as `bake`."""
     paired = None
     if pair and isinstance(high, Mesh) and options.time_budget is None and not options.keep_hits:
         paired = match_objects([high], [low], PartsOptions())

@@ -49,11 +49,7 @@ class NamedPart:
 
 
 def named_parts(meshes: Sequence[Mesh], suffix: str) -> list[NamedPart]:
-    """Return the parts of meshes: groups if any group of the mesh has the suffix, else the mesh.
-
-    Groups of one name are one part, and so are the primitives `NAME 0`, `NAME 1` of an object in a
-    glTF file.
-    """
+    """Parts of meshes: groups of one name if any group has the suffix, else the mesh."""
     found = []
     for i, mesh in enumerate(meshes):
         is_gltf = mesh.name.lower().endswith((".glb", ".gltf"))
@@ -102,10 +98,7 @@ def match_parts(
 def match_objects(
     high: Sequence[Mesh], low: Sequence[Mesh], parts: PartsOptions
 ) -> tuple[Matching, list[NamedPart], list[NamedPart]] | None:
-    """Return which object would be baked from which, as `match_parts`.
-
-    None if the names do not pair up, or if `parts` matches parts by name or joins objects.
-    """
+    """Which object would be baked from which; None if names or `parts` do not pair objects."""
     if parts.match_by_name or parts.join_objects:
         return None
     lows = named_objects(low)
@@ -130,11 +123,7 @@ class HighMeshes:
         self.materials = _with_common_names(meshes, materials or [None] * len(meshes))
 
     def joined(self, parts: Sequence[NamedPart]) -> tuple[Mesh, Materials | None]:
-        """Join parts into one mesh, in their order.
-
-        If only some of them have normals, texture coordinates or colors, the others get their
-        shading normals, (0, 0) or white.
-        """
+        """Join parts into one mesh, in their order, with defaults for attributes that some lack."""
         meshes, of_parts = [], []
         for part in parts:
             mesh, materials = self.meshes[part.mesh], self.materials[part.mesh]

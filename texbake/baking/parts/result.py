@@ -204,10 +204,7 @@ def target_name(target: BakeTarget) -> str:
 
 
 class TargetMaps:
-    """Combines the bakes of parts on one set of maps.
-
-    Where two parts cover a texel the first one counts, unless its rays missed and the other's hit.
-    """
+    """Combines bakes of parts on one set of maps; the first part to hit a texel counts."""
 
     def __init__(
         self, kinds: list[MapKind], options: BakeOptions, *, is_tile: bool = False
@@ -308,10 +305,7 @@ def _window(covered: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
 
 
 def joined_reports(reports: list[BakeReport]) -> BakeReport:
-    """Join reports: counts are added, ray distances the greatest, percentiles those of the last.
-
-    All bakes share one `DistanceSummary`, so that the percentiles of the last are those of all.
-    """
+    """Join reports of bakes that share one `DistanceSummary`: counts add up."""
     last, counts = reports[-1], TraceCounts()
     for report in reports:
         for name, count in vars(report.counts).items():

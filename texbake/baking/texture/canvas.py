@@ -164,10 +164,7 @@ class TextureBake:
         return classes_picture(self.texel_faces, self.unseen)
 
     def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
-        """Write the texture to an image file.
-
-        `color`: true for colors, which integer files store with the sRGB curve.
-        """
+        """Write the texture to an image file, in sRGB if its integers are a `color`."""
         threads = self.report.options.threads
         write_image(self.values, path, color=color, bits=bits, threads=threads)
 
@@ -260,12 +257,7 @@ class TextureCanvas:
 
 
 def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> FloatArray:
-    """Change of values that are linear over each face from one sample to the next.
-
-    `corner_values` (F, 3, K) float64: values at the corners of each face, such as positions.
-    Returns (F, K, 2) float64: change per sample to the right and per sample down; 0 for a face
-    without area in the texture.
-    """
+    """(F, K, 2) change of corner values (F, 3, K) per sample right and down; 0 without area."""
     texels = texel_coordinates(mesh.corner_uvs(), grid.n_columns, grid.n_rows)
     along = corner_values[:, 1] - corner_values[:, 0]
     aside = corner_values[:, 2] - corner_values[:, 0]
@@ -282,11 +274,7 @@ def sample_steps(mesh: Mesh, corner_values: FloatArray, grid: SampleGrid) -> Flo
 
 
 def greatest_lengths(steps: FloatArray) -> FloatArray:
-    """Greatest distance that a point moves per sample, over all directions in the texture.
-
-    `steps` (F, 3, 2) float64: of positions, from `sample_steps`. Returns (F,) float64: the greatest
-    singular value of each matrix.
-    """
+    """(F,) greatest distance per sample over all directions, by `sample_steps` (F, 3, 2)."""
     a = pm.vecdot(steps[:, :, 0], steps[:, :, 0])
     b = pm.vecdot(steps[:, :, 0], steps[:, :, 1])
     c = pm.vecdot(steps[:, :, 1], steps[:, :, 1])

@@ -123,10 +123,7 @@ class CameraMapping:
         self._occluders = occluders
 
     def look_up(self, samples: Samples, rays: Rays) -> PhotoLookups:
-        """Project samples, but none behind the camera, out of frame, turned away or hidden.
-
-        `rays` begin at the samples, against the smooth normals there.
-        """
+        """Project samples with their rays, but none behind, out of frame, turned away or hidden."""
         n, normals = len(samples), -rays.directions
         coordinates, weights = np.empty((n, 2)), np.empty(n)
         derivatives = np.empty((n, 4), np.float32)
