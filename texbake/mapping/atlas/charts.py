@@ -83,11 +83,7 @@ class Charts:
 def gather_charts(
     mesh_faces: IntArray, pieces: Sequence[tuple[IntArray, Charts]], notes: tuple[str, ...] = ()
 ) -> Charts:
-    """Combine the charts of parts of a mesh.
-
-    `mesh_faces` (F, 3) int32; `pieces`: the faces (n,) int32 of each part, and their charts. Other
-    faces get no chart. `notes`: about the whole mesh; those of the parts follow.
-    """
+    """Combine charts of parts of a mesh, given as faces (n,) and charts; others get none."""
     faces = np.zeros_like(mesh_faces)
     face_ids = np.concatenate([face_ids for face_ids, _ in pieces])
     faces[face_ids] = offset_joined([(charts.faces, len(charts.uvs)) for _, charts in pieces])
@@ -106,10 +102,7 @@ def gather_charts(
 def _with_anchors(
     mesh_faces: IntArray, solid: npt.NDArray[np.integer], faces: npt.NDArray[np.integer]
 ) -> IntArray:
-    """(F, 3) int32: `faces` for solid faces; a single coordinate for each other face.
-
-    If possible it is one that a solid face has at one of the face's vertices.
-    """
+    """(F, 3): `faces` for solid faces; else a single coordinate, of a solid one if possible."""
     none = np.iinfo(np.int32).max
     at_vertex = np.full(int(mesh_faces.max()) + 1, none, dtype=np.int64)
     np.minimum.at(at_vertex, mesh_faces[solid].ravel(), faces.ravel())
@@ -172,10 +165,7 @@ def find_isolated_faces(surface: ChartSurface) -> tuple[IntArray, IntArray]:
 
 
 def single_face_charts(points: FloatArray, faces: IntArray) -> Charts:
-    """Lay each face flat as a chart of its own.
-
-    `points` (V, 3) float64; `faces` (F, 3) int32.
-    """
+    """Lay each face (F, 3) of points (V, 3) flat as a chart of its own."""
     n_faces = len(faces)
     uvs = flatten_triangles(points[faces])
     return Charts(

@@ -71,11 +71,7 @@ def flatten(
 
 
 def measure_layout(points: FloatArray, faces: IntArray, uvs: FloatArray) -> Flat | None:
-    """Move a layout to the origin, give it its area in space, and measure it as `flatten` does.
-
-    `points` (n, 3) float64; `faces` (m, 3) int32; `uvs` (n, 2) float64. Returns None if the patch
-    is not an oriented surface, or if a triangle is flipped or has no area.
-    """
+    """Move a layout to the origin, at its area in space, as `flatten`; None if it is invalid."""
     points = np.ascontiguousarray(points, dtype=np.float64)
     faces = np.ascontiguousarray(faces, dtype=np.int32)
     uvs = np.array(uvs, dtype=np.float64, order="C")
@@ -93,11 +89,7 @@ _ACCURACY = 1e-5  # at which `flatten` stops
 
 
 def relax_charts(surface: ChartSurface, charts: Charts) -> Charts:
-    """Give each chart the layout of least symmetric Dirichlet energy near its own.
-
-    Returns charts with the area that their faces have in space. A chart keeps its layout if
-    relaxing does not lower its energy, raises its stretch or makes it overlap itself.
-    """
+    """Relax charts at their area in space, unless energy, stretch or overlap get worse."""
     points, mesh_faces = surface.points, surface.faces
     whole = _in_one_piece(points, mesh_faces, charts)
     places = np.zeros((len(whole.uvs), 3))
@@ -134,11 +126,7 @@ def _relaxed(points: FloatArray, faces: IntArray, layout: FloatArray) -> FloatAr
 
 
 def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> Charts:
-    """Renumber coordinates and charts so that each chart is a connected surface.
-
-    Coordinates at the same place become one, since files may repeat vertices within a chart. Faces
-    of a chart that are not connected by edges get charts and coordinates of their own.
-    """
+    """Renumber coordinates and charts so that each chart is a connected surface."""
     solid = np.flatnonzero(charts.solid)
     corners = charts.faces[solid]
     rows = np.column_stack(

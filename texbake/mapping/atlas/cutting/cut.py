@@ -96,10 +96,7 @@ def cut_charts(
     timeout: float | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> Charts:
-    """Cut the surface of a mesh into charts and flatten them.
-
-    `timeout`: seconds after which xatlas is stopped on a batch.
-    """
+    """Cut a surface into charts and flatten them; `timeout`: seconds of xatlas per batch."""
     # On the grid of the points they may have one, depending on where the grid lies.
     if degenerate_faces(mesh).all():
         raise UnwrapError(_why_nothing(mesh))
@@ -169,11 +166,7 @@ def _labels(
 
 
 def snap_points(mesh: Mesh) -> FloatArray:
-    """(V, 3) float64: positions in the unit cube about the origin, on a grid of 2^-20.
-
-    The longest side of the bounding box is 1. Meshes that differ only in scale or position have
-    equal points, as far as the precision of their positions allows.
-    """
+    """(V, 3) positions of a mesh, its longest side 1, about the origin on a grid of 2^-20."""
     return UnitGrid.around(mesh).to_grid(mesh.positions, GRID_CELLS)
 
 

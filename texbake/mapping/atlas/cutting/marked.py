@@ -54,11 +54,7 @@ def marked_charts(mesh: Mesh, surface: ChartSurface, options: UnwrapOptions) -> 
 def _relaxed_layouts(
     mesh: Mesh, surface: ChartSurface, pieces_of: IntArray, size: tuple[int, int]
 ) -> tuple[IntArray, Charts] | None:
-    """Relax the layouts of pieces that neither overlap themselves nor have mirrored faces.
-
-    `pieces_of` (F,) int32: piece of each face. Returns their faces (n,) int32 and charts; None if
-    there are no such pieces.
-    """
+    """Relax pieces (F,) without overlaps and mirrored faces; return faces and charts, or None."""
     try:
         existing = existing_charts(mesh, size, regions=pieces_of)
     except UvError:  # the layout has no area

@@ -91,10 +91,7 @@ def step_lengths(
 
 
 def split_parts(opposite: IntArray, labels: IntArray) -> list[Part]:
-    """Make a part of the faces of each label from 0 on; faces with negative labels are left out.
-
-    `opposite` (3 F,) int32; `labels` (F,) int32.
-    """
+    """Make a part of the faces of each label (F,) from 0 on; `opposite` (3 F,)."""
     order = np.argsort(labels, kind="stable").astype(np.int32)
     order = order[np.count_nonzero(labels < 0) :]
     sizes = np.bincount(labels[order])
@@ -145,10 +142,7 @@ def face_batches(
 
 
 def _batched(parts: IntArray, pieces: IntArray, regions: IntArray, batch_faces: int) -> IntArray:
-    """(F,) int32: batch of each face. Each part of a divided piece is one; small pieces share one.
-
-    Pieces that share a batch have no common edges, so that nothing is joined again.
-    """
+    """(F,) batch of each face: each part of a divided piece is one, small pieces share one."""
     sizes = np.bincount(parts)
     first = np.unique(parts, return_index=True)[1]
     piece_of, region_of = pieces[first], regions[first]
@@ -167,10 +161,7 @@ def _batched(parts: IntArray, pieces: IntArray, regions: IntArray, batch_faces: 
 def faces_done(
     sizes: Sequence[int], advance: Callable[[int], None] | None
 ) -> Callable[[int], None]:
-    """Return a function that takes how many parts were done, and reports their faces.
-
-    Parts are done about in their order, so that it does not matter which of them they were.
-    """
+    """Function that takes how many parts, about in their order, are done, and reports faces."""
     remaining_sizes = iter(sizes)
 
     def report(n_parts: int) -> None:

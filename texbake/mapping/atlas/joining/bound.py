@@ -37,11 +37,7 @@ _MOST_NAMED = 4
 
 
 def bound_charts(surface: ChartSurface, charts: Charts, *, max_stretch: float) -> Charts:
-    """Cut charts in two until no chart is stretched beyond a bound.
-
-    `max_stretch`: largest L2 stretch of a chart at the scale that gives it its area in space. A
-    polygon is cut only if its own chart would be stretched more.
-    """
+    """Cut charts in two until none has an L2 stretch above `max_stretch` at its own area."""
     solid = charts.solid
     if not solid.any():
         return charts

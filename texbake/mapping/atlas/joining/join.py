@@ -50,10 +50,7 @@ def join_charts(
     most_length: float = math.inf,
     most_work: int = 300,
 ) -> Charts:
-    """Join neighboring charts, cheapest first.
-
-    `most_share`: largest area of a joined chart, as a share of the mesh's.
-    """
+    """Join neighboring charts, cheapest first, up to a share of the area of the mesh."""
     solid = charts.solid
     if not solid.any():
         return charts

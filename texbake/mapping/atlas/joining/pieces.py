@@ -73,12 +73,7 @@ class ChartPiece:
 
 
 def relax_piece(piece: ChartPiece, *, n_iterations: int) -> ChartPiece | None:
-    """Flatten a piece with less distortion, starting from its coordinates if they have no flips.
-
-    Returns None if no layout without flips and overlaps was found.
-
-    Kernel: `core/chart_stitching.c`.
-    """
+    """Flatten a piece with less distortion, None if it fails, by `core/chart_stitching.c`."""
     uvs, figures = np.empty_like(piece.uvs), np.empty(3)
     if not core.relax_chart(piece.points, piece.faces, piece.uvs, n_iterations, uvs, figures):
         return None
@@ -116,10 +111,7 @@ _LEAST_SAVED = 0.05
 
 
 def pieces_of(surface: ChartSurface, charts: Charts, opposite: IntArray) -> list[ChartPiece]:
-    """Turn charts into pieces, one for each connected part, in the order of their first faces.
-
-    `opposite` (3 F,) int32.
-    """
+    """Turn charts into pieces, one for each connected part, in the order of their first faces."""
     points, mesh_faces = surface.points, surface.faces
     corners = mesh_faces.ravel(), charts.faces.ravel()
     rows = (points[corners[0]], charts.uvs[corners[1]], charts.chart_ids[corners[1]][:, None])
@@ -196,11 +188,7 @@ def _connected(
     half_edges: IntArray,
     across: IntArray,
 ) -> list[ChartPiece]:
-    """Make a piece of each connected part of some faces.
-
-    `face_ids` (m,) int32; `corners` (m, 3, 3) float64; `corner_uvs` (m, 3, 2) float64;
-    `half_edges`, `across` (k,) int32.
-    """
+    """Make a piece of each connected part of faces (m,), by corners (m, 3) and edges (k,)."""
     vertices = merged_labels(
         3 * len(face_ids),
         np.concatenate([half_edges, next_half_edges(half_edges)]),
@@ -284,13 +272,7 @@ def compact_parts(
     most_waste: float,
     least_area: float,
 ) -> list[ChartPiece]:
-    """Cut a spread-out piece until its parts leave little of their convex hulls empty.
-
-    Each cut is the best of a few straight lines. Better shapes can be joined from compact parts.
-
-    `opposite` (3 F,) int32; `polygons` (F,) int32; `most_waste`: largest waste, as a share of the
-    area of a part.
-    """
+    """Cut a piece by straight lines until parts waste at most a share of their convex hulls."""
     parts, left = [], [piece]
     while left:
         piece = left.pop()

@@ -71,11 +71,7 @@ def find_merge(
     scale: MergeTolerance,
     n_iterations: int,
 ) -> ChartMerge | None:
-    """Flatten two pieces as one, in each way that they can be stitched; return the cheapest.
-
-    `opposite` (3 F,) int32: from `opposite_half_edges`. Returns None if they do not meet, or cannot
-    be flattened together without flips or overlaps.
-    """
+    """Flatten two pieces as one in each way of stitching; return the cheapest, None if none."""
     if one.area < other.area:
         one, other = other, one
     if not scale.has_place(one, other):

@@ -105,11 +105,7 @@ class Bins:
         return max(self.grid.width, self.grid.height)
 
     def _may_fit(self, scale: float) -> bool:
-        """Whether no chart is longer than the grid, nor all together larger than the tiles.
-
-        A chart touches as many cells as it is long, or more. So bitmaps are made only of charts
-        that are about as large as the tiles, whatever their shapes.
-        """
+        """Whether no chart is longer than the grid, nor all together larger than the tiles."""
         if (self.lengths * scale > self._longest).any():
             return False
         areas = np.bincount(self.groups, np.maximum(self.areas * scale**2, self.lengths * scale))
@@ -118,11 +114,7 @@ class Bins:
     def _fill(
         self, bitmaps: Bitmaps, order: IntArray, places: IntArray, tiles: IntArray, most: int
     ) -> tuple[int | None, int]:
-        """Place charts in the first tile that has room for them.
-
-        Returns the number of tiles, `most + 1` if those are too few, or None if not even an empty
-        tile has room for a chart; and the row above the charts of the last tile.
-        """
+        """Place charts in the first tile with room; return tiles, None for none, and top row."""
         for tile in range(most):
             last = tile == most - 1
             found, tops, n_missing = place_charts(
@@ -198,10 +190,7 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
 
 
 def _guess_with_padding(bins: Bins, share: float) -> float:
-    """Scale at which the charts, as squares with padding between them, fill a share of the tiles.
-
-    Where the padding alone fills more, a share of what it leaves.
-    """
+    """Scale at which charts, as padded squares, fill a share of what padding leaves."""
     gap = float(len(bins.grid.half_widths) // 2)
     padding = len(bins.areas) * gap**2
     n_cells = bins.grid.width * bins.grid.height * bins.n_tiles

@@ -33,10 +33,7 @@ class PackingGrid:
 
     @classmethod
     def over(cls, size: tuple[int, int], padding: int, *, most_cells: int) -> PackingGrid:
-        """Grid of a texture, at most `most_cells` cells wide and high.
-
-        The lower left corner of its first cell is `padding` texels from both borders.
-        """
+        """Grid of a texture of at most `most_cells` each way, `padding` texels off the borders."""
         cell = -(-max(size) // most_cells)
         width, height = ((length - 2 * padding) // cell for length in size)
         steps = np.arange(2 * padding // cell + 2)
@@ -77,13 +74,7 @@ class Shapes(NamedTuple):
 
 
 def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
-    """Find the runs of charts in `turns` quarter turns of each pose.
-
-    Orientation `pose * turns + turn` is that quarter turn of that pose. `half_widths` are those of
-    the grid.
-
-    Kernel: `core/chart_bitmaps.c`.
-    """
+    """Runs of charts in `turns` quarter turns of each pose, by `core/chart_bitmaps.c`."""
     n_charts, n_poses = bitmaps.starts.shape
     boxes = np.repeat(bitmaps.boxes, turns, axis=1).astype(np.int32)
     boxes[:, 1::2] = boxes[:, 1::2, ::-1] if turns > 1 else boxes[:, 1::2]
@@ -205,10 +196,7 @@ class Outlines:
 
     @cached_property
     def drawn(self) -> tuple[IntArray, IntArray]:
-        """Triangles (S, 3) of charts in which some are mirrored, and the borders of all others.
-
-        The borders are directed edges (B, 2) between coordinates, sorted by chart.
-        """
+        """Triangles (S, 3) of charts with mirrored ones, and directed borders (B, 2) of others."""
         charts = self.chart_ids[self.faces[:, 0]]
         areas = signed_areas(self.uvs[self.faces])
         solid = (self.faces != np.roll(self.faces, 1, axis=1)).all(axis=1)
@@ -223,12 +211,7 @@ class Outlines:
 
 
 def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
-    """(C,) float64: rotation of each chart, in radians, with the least area of the bounding box.
-
-    It is one of 90 angles, the first of equally good ones.
-
-    Kernel: `core/chart_bitmaps.c`.
-    """
+    """(C,) rotations, of 90, with the least bounding box, by `core/chart_bitmaps.c`."""
     order = np.argsort(chart_ids, kind="stable")
     n_charts = int(chart_ids.max()) + 1
     starts = np.searchsorted(chart_ids[order], np.arange(n_charts + 1))

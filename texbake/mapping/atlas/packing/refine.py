@@ -46,10 +46,7 @@ _SEARCH = SearchLimits(samples=24, radius=12, step=4, patience=80, work=300_000_
 
 
 def pair_weights(areas: FloatArray) -> IntArray:
-    """(C, C) int32: cost of one overlapping cell for each pair of charts, by their areas in cells.
-
-    It is higher for small charts, which have fewer cells but as far to move.
-    """
+    """(C, C) cost of an overlapping cell by areas in cells: small charts are as far to move."""
     sides = np.sqrt(np.minimum.outer(areas, areas) + 1.0)
     return np.asarray(np.clip(_BASE_WEIGHT / sides, 8.0, 2048.0), dtype=np.int32)
 
@@ -122,10 +119,7 @@ class FinalLayout:
 def refine_layout(
     charts: Outlines, layout: RoughLayout, grid: PackingGrid, *, most_work: int, seed: int
 ) -> FinalLayout | None:
-    """Move charts to exact places close to those of a layout, at the largest scale that works.
-
-    None if they cannot be moved apart near the layout's scale.
-    """
+    """Move charts to exact places near a layout, at the largest scale; None if none works."""
     areas = charts.areas()
     best: FinalLayout | None = None
     best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
@@ -163,10 +157,7 @@ def _moved_apart(
     scale: float,
     seed: int,
 ) -> tuple[FinalLayout | None, int, int]:
-    """Separate charts near their centers at a scale; return places, overlap and work.
-
-    The places are None if a chart is larger than the grid.
-    """
+    """Separate charts near centers; return places, None if too large, overlap and work."""
     poses = charts.turned(angles)
     work = poses.work
     bitmaps = poses.bitmaps(scale, SNAP_MARGIN / grid.cell)

@@ -123,10 +123,7 @@ class _Strip:
         self.longest_scale = max(size[0], 2 * size[1]) / poses.lengths().max()
 
     def placed(self, scale: float, most_work: int) -> _Ordered:
-        """Place charts at a scale, in orders that change until they fit or the work is done.
-
-        Kernel: `core/order_search.c`.
-        """
+        """Place charts at a scale, in orders that change until they fit; `core/order_search.c`."""
         shapes = shapes_of(
             self.poses.bitmaps(scale, self.margin), np.zeros(1, dtype=np.int32), turns=_TURNS
         )
