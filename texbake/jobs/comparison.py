@@ -62,10 +62,7 @@ def page_file(
 def write_comparison_page(
     html: PathLike, high: Mesh, low: Mesh, comparison: Comparison | None, **more: Any
 ) -> None:
-    """Write a page of two meshes, the files of maps, and how closely they match.
-
-    `more` are fields of `AssetPage`.
-    """
+    """Write a page of two meshes, maps and their match, with `more` of `AssetPage`."""
     from texbake.pages.asset_page import AssetPage, write_asset_page
 
     figures = [] if comparison is None else comparison.table()

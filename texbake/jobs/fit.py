@@ -38,10 +38,7 @@ def check_fit(high: Mesh, low: Mesh, *, threads: int | None = None) -> None:
 def diagnose_opposite_sides(
     high: Mesh, low: Mesh, *, orientation: str, threads: int | None = None
 ) -> tuple[str, ...]:
-    """Say in the words of `check` that two meshes face opposite ways; nothing if they do not.
-
-    Parts of the high-poly mesh that face inwards count as flipped, if `orientation` is auto.
-    """
+    """Say in the words of `check` that meshes, once oriented, face opposite ways, or nothing."""
     from texbake.checks.pair import explain_opposite_sides
 
     return explain_opposite_sides(_flipped_pair(high, low, orientation, threads))
@@ -103,10 +100,7 @@ def diagnose_misses(
 def with_diagnosis(
     high: Mesh | StreamedMesh, low: Mesh, baked: BakeResult, *, join_objects: bool
 ) -> BakeResult:
-    """Return a bake whose report says why rays missed, and which objects could be baked separately.
-
-    Raises as `diagnose_misses` does.
-    """
+    """Add to a report why rays missed, and which objects could be baked separately."""
     why = diagnose_misses(high, low, baked.report, join_objects=join_objects)
     if not baked.report.n_objects:
         why += unmatched_objects_note(high, low)

@@ -58,10 +58,7 @@ class LightMap:
     uv_set: str | None = None
 
     def write(self, path: PathLike, *, bits: int | None = None, threads: int | None = None) -> None:
-        """Write an image file: linear values in files of floats, else sRGB limited to 1.
-
-        Raises as `texbake.texture.image.write_image` does.
-        """
+        """Write an image file: linear values in files of floats, else sRGB limited to 1."""
         write_image(self.values, path, bits=bits, color=True, threads=threads)
 
 

@@ -82,10 +82,7 @@ def image_of(name: str, channels: Mapping[str, ChannelSource]) -> ChannelImage |
 
 
 def transferred_channels(materials: Materials | None) -> tuple[str, ...]:
-    """Return the channels that materials set, and that differ over the mesh or have images.
-
-    The normal is not among them: normal maps are part of the baked normals.
-    """
+    """Channels, without normals, that differ over the mesh or have images."""
     if materials is None:
         return ()
     return tuple(
@@ -96,10 +93,7 @@ def transferred_channels(materials: Materials | None) -> tuple[str, ...]:
 
 
 def channels_of_images(materials: Materials | None, *, embeds: bool) -> list[str]:
-    """Return the channels that images are written for.
-
-    Where the mesh file does not embed the material, images also hold one value all over.
-    """
+    """Channels that images are written for, constant ones too unless the mesh `embeds`."""
     if materials is None:
         return []
     channels = list(transferred_channels(materials))
@@ -153,10 +147,7 @@ def encoded_channels(
     threads: int | None = None,
     whole: Iterable[str] = (),
 ) -> dict[str, ChannelSource]:
-    """Return channels for a mesh from the maps that were baked for it.
-
-    `whole`: names of images that also hold the channels with one value all over.
-    """
+    """Channels for a mesh from baked maps; `whole` images also hold constant channels."""
     sources: dict[str, ChannelSource] = {}
     for channel in _set_channels(materials):
         constant = constant_source(materials, channel)

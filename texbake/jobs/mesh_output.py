@@ -74,11 +74,7 @@ class MeshFileMaterials:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaterialPartition:
-    """A mesh whose groups distinguish its materials as well, and what they stand for.
-
-    What is made from such a mesh keeps the borders between materials where it keeps those of
-    groups.
-    """
+    """A mesh whose groups distinguish its materials as well, and what they stand for."""
 
     mesh: Mesh
     source: MeshFileMaterials
@@ -106,10 +102,7 @@ class MaterialPartition:
         return cls(mesh=divided, source=source, parts=parts.astype(np.int32))
 
     def restored(self, made: Mesh, mesh: Mesh) -> tuple[Mesh, MeshFileMaterials]:
-        """Return what was made of the divided mesh, with the groups of `mesh`, and its materials.
-
-        Images on further sets of texture coordinates are left out: what was made has one set.
-        """
+        """What was made, with groups of `mesh` and materials without images of other uvs."""
         materials = self.source.materials
         if materials is None:
             return made, self.source
@@ -151,11 +144,7 @@ def write_result(
 def write_with_materials(
     mesh: Mesh, output: PathLike, source: MeshFileMaterials, *, mtl: bool
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write a mesh with materials, one for each of its faces; return files and warnings.
-
-    `mtl` says whether an OBJ file gets a .mtl file with its materials, and their images, beside it.
-    A warning names what the output cannot hold, or what of the source was lost on the way.
-    """
+    """Write a mesh with materials, OBJ by `mtl`; return files and warnings of what is lost."""
     lost = list(source.lost)
     if Path(output).suffix.lower() in BARE_MESH_SUFFIXES:
         lost += [title for name, title in _TITLES.items() if getattr(mesh, name) is not None]

@@ -113,10 +113,7 @@ def measure_turns(
     threads: int | None = None,
     progress: Progress = None,
 ) -> OrangeTurns:
-    """Turn the light and the viewer around an orange, and measure the error of each method.
-
-    Each is turned by `angles`, in degrees, around the vertical axis.
-    """
+    """Turn light and viewer by degrees around an orange, and measure each method's error."""
     stages = Stages(progress)
     with stages.stage("bake the orange"):
         objects = _objects(threads)

@@ -49,10 +49,7 @@ def write_report(path: PathLike, report: Mapping[str, Any]) -> None:
 
 
 def plain_figures(value: Any) -> Any:
-    """Return figures as plain values for JSON.
-
-    NaN and infinities, for which JSON has no numbers, become None, and paths become text.
-    """
+    """Plain values for JSON: None for NaN and infinities, text for paths."""
     if isinstance(value, Mapping):
         return {key: plain_figures(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -79,10 +76,7 @@ def check_picture(path: PathLike | None) -> None:
 
 
 def check_mesh(path: PathLike, *, folder_is_made: bool = False) -> None:
-    """Raise if a mesh could not be written to a path.
-
-    `folder_is_made` says that the job makes the folder later, so that it may be missing now.
-    """
+    """Raise if a mesh could not be written, but for a folder that the job makes."""
     from texbake.mesh.files import WRITABLE_MESH_SUFFIXES
 
     suffix = Path(path).suffix
@@ -153,10 +147,7 @@ def triangle_notes(mesh: Mesh, output: PathLike) -> tuple[str, ...]:
 def check_distinct(
     outputs: Sequence[PathLike | None], inputs: Sequence[PathLike | None] = ()
 ) -> None:
-    """Raise if two outputs are the same file, or if one would overwrite an input; None passes.
-
-    A mesh that the result may replace is not passed as an input.
-    """
+    """Raise if two outputs are one file, or overwrite an input; None passes."""
     read = {os.path.realpath(path) for path in inputs if path is not None}
     written = set()
     for path in outputs:

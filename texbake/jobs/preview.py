@@ -192,10 +192,7 @@ def write_turntable(
     threads: int | None = None,
     progress: Progress = None,
 ) -> Frame:
-    """Draw one turn around the scene into a folder, as `000.png`, `001.png` and so on.
-
-    The folder is made if it is missing; each file in it appears whole or not at all.
-    """
+    """Draw one turn around the scene into a folder, as `000.png`, `001.png` and so on."""
     path = make_folder(folder)
     prepared = prepare(scene, replace(options, exposure="none"), threads=threads)
     cameras = turntable_cameras(scene, options, n_views)
@@ -232,10 +229,7 @@ def render_side_by_side(
     threads: int | None = None,
     progress: Progress = None,
 ) -> tuple[FloatImage, list[Frame]]:
-    """Draw a scene with several options and one exposure, and put the pictures side by side.
-
-    Returns `color` (H, W, 3) float32, linear, with a caption below each picture.
-    """
+    """Linear pictures (H, W, 3) of a scene by options, captioned, with one exposure."""
     frames = []
     for _, options in variants:
         prepared = prepare(scene, replace(options, exposure="none"), threads=threads)

@@ -51,11 +51,7 @@ def open_preview(
     own_materials: bool = True,
     progress: Progress = None,
 ) -> tuple[Scene, RenderOptions]:
-    """Read a scene to draw, and the options to draw it with.
-
-    `maps` (`normal_map`, `displacement`, `albedo`) replace the materials of a mesh file. Without
-    `own_materials` these are left out even if there is no map. `space` is that of the normal map.
-    """
+    """Read a scene and its options; `maps` replace materials, and so does no `own_materials`."""
     files: dict[str, Any] = {**(maps or {})}
     suffix = Path(path).suffix.lower()
     if suffix == ".toml" and files:
@@ -192,11 +188,7 @@ class DefaultView:
 
 
 def default_view(path: PathLike, scene: Scene, options: RenderOptions) -> DefaultView:
-    """Choose the sides and the camera for a mesh or a model, where options do not set them.
-
-    Back faces are shown if a mesh is open, or closed and inside out. Materials of a glTF file set
-    their own sides, and a scene file sets everything.
-    """
+    """Choose sides, back faces of open or inverted meshes too, and camera where options do not."""
     if Path(path).suffix.lower() == ".toml":
         return DefaultView(path, scene, options)
     meshes = [outline(item) for item in scene.objects]
@@ -234,10 +226,7 @@ def _share_of_backs(scene: Scene, frame: Frame, camera: Camera) -> float:
 
 
 def _facing(mesh: Mesh, faces: IntArray, camera: Camera) -> FloatArray:
-    """(n,) float64: above 0 for faces seen from the front, below 0 from behind, 0 edge-on.
-
-    Kernel: `core/framing.c`.
-    """
+    """(n,) above 0 for faces seen from the front, 0 edge-on, by `core/framing.c`."""
     facing = np.empty(len(faces))
     core.measure_facing(mesh.positions, mesh.faces, faces, camera.eye, facing)
     return facing

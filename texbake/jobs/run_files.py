@@ -131,10 +131,7 @@ def _write_materials(
     files: dict[str, Path],
     options: RunOptions,
 ) -> list[str]:
-    """Write the images of the materials, and the low-poly mesh with them.
-
-    Returns what images do not say to a program that reads no material from the mesh file.
-    """
+    """Write images and mesh of materials; return what images do not say."""
     high, low = meshes
     asset, threads = Path(high.name).stem, options.threads
     # A program that reads no material from the mesh file takes every value from an image.
@@ -204,10 +201,7 @@ def _write_settings(
     options: RunOptions,
     apart: Sequence[str],
 ) -> None:
-    """Write the files that import an asset or a level, and the settings that name all levels.
-
-    Maps of `apart` are not in the material.
-    """
+    """Write import files and settings of all levels, maps of `apart` not in the material."""
     maps = []
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}

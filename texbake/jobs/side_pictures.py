@@ -55,10 +55,7 @@ def render_checker(
     threads: int | None = None,
     progress: Progress = None,
 ) -> npt.NDArray[np.float32]:
-    """Render a mesh with a numbered checker for its texture, from four sides in a row.
-
-    Returns (H, W, 3) float32, linear light, cropped to what is seen from any side.
-    """
+    """(H, W, 3) linear picture from four sides with a numbered checker, cropped."""
     mesh = as_mesh(mesh)
     options = options or CHECKER_PICTURE
     with Stages(progress).stage("prepare"):
@@ -87,10 +84,7 @@ def _cameras(mesh: Mesh, options: RenderOptions) -> list[tuple[str, Camera]]:
 
 
 def _texels_for(mesh: Mesh, n_cells: int) -> int:
-    """Side of the checker in texels: smaller if it repeats, so that no texel is skipped.
-
-    The more often the texture repeats over the surface, the smaller it is in the picture.
-    """
+    """Side of the checker in texels: smaller if it repeats, so that no texel is skipped."""
     repeats = math.sqrt(max(float(np.abs(signed_areas(measurable_uvs(mesh))).sum()), 1.0))
     halvings = math.ceil(pm.log2(repeats)) if repeats < _TEXELS else _TEXELS
     return max(_TEXELS >> min(halvings, 30), _LEAST_CELL * n_cells)
@@ -104,10 +98,7 @@ def write_layout(
     heat: bool = False,
     threads: int | None = None,
 ) -> None:
-    """Draw the texture coordinates of a mesh into a PNG or SVG file, by its suffix.
-
-    `size`: pixels per side, or (width, height), of one tile.
-    """
+    """Draw the uvs of a mesh into a PNG or SVG file, of `size` px per tile."""
     mesh = as_mesh(mesh)
     check_layout(path)
     if Path(path).suffix.lower() == ".png":
@@ -147,10 +138,7 @@ def render_findings(
     threads: int | None = None,
     progress: Progress = None,
 ) -> npt.NDArray[np.float32]:
-    """Render the meshes of a check with the faces of each finding in color, from four sides.
-
-    Returns (H, W, 3) float32.
-    """
+    """(H, W, 3) picture from four sides with the faces of each finding in color."""
     options = options or FINDINGS_PICTURE
     shown = [finding for finding in report.findings if len(finding.faces)]
     if not shown:

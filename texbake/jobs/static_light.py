@@ -71,11 +71,7 @@ class StaticLight:
     def light_at(
         self, points: FloatArray, normals: Floats, sides: FloatArray, *, receives: bool
     ) -> Floats:
-        """(n, 3) float32: light that white, matte points reflect.
-
-        `normals` are the shading normals, `sides` (n, 3) the normals of the faces that the points
-        lie on.
-        """
+        """(n, 3) light of white, matte points by shading normals and `sides`, those of faces."""
         out = np.zeros((len(points), 3), np.float32)
         add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
         for light, at, cookie in zip(self._lights, self._placed, self._cookies, strict=True):

@@ -141,10 +141,7 @@ def _write_mesh(
     converter: Converter,
     levels: Sequence[Mesh],
 ) -> list[Path]:
-    """Write the mesh, Y up and in meters, with its material if the program reads that.
-
-    Returns the images that the material refers to.
-    """
+    """Write the mesh, Y up and in meters, with its material; return the images of that."""
     options = converter.options
     turned = [_placed(level, options) for level in (mesh, *levels)]
     if path.suffix == ".obj":
@@ -246,10 +243,7 @@ def _check_layouts(levels: Sequence[Mesh], threads: int | None) -> None:
 
 
 def share_elsewhere(level: Mesh, finest: Mesh, *, threads: int | None = None) -> float:
-    """Share of a level's surface that has another place in the texture than the finest level.
-
-    Both have texture coordinates and lie in one space.
-    """
+    """Share of a level's surface that has another place in the texture than the finest's."""
     assert level.uvs is not None and level.uv_faces is not None
     assert finest.uvs is not None and finest.uv_faces is not None
     frame = LocalFrame.around(finest)

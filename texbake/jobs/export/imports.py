@@ -71,10 +71,7 @@ def write_imports(
 
 
 def _identifier(name: str) -> str:
-    """Return a valid identifier: ASCII letters, digits and underscores.
-
-    A checksum keeps names apart that differ in other characters.
-    """
+    """ASCII letters, digits and underscores, with a checksum of names in other characters."""
     word = re.sub(r"[^A-Za-z0-9_]", "_", name)
     word = word if word[:1].isalpha() else f"A{word}"
     return word if word == name else f"{word}_{zlib.crc32(name.encode()):08x}"

@@ -51,10 +51,7 @@ _SIZES = ("512", "1024", "2048", "4096", "8192")
 
 @dataclass(frozen=True, order=True)
 class SourceMap:
-    """A map: its kind, its UDIM tile (empty without one), its file, and its channel in that.
-
-    Without a channel it is the whole file.
-    """
+    """A map: its kind, UDIM tile or none, file, and channel in that or the whole."""
 
     kind: str
     tile: str
@@ -106,10 +103,7 @@ def _is_tile(number: str) -> bool:
 
 
 def source_maps(maps: Mapping[str, PathLike]) -> list[SourceMap]:
-    """Return maps by their names, such as ``normal``, or ``normal:1002`` of a UDIM tile; sorted.
-
-    Each channel of an ORM map is a map, unless a file of its own is given for that.
-    """
+    """Maps by names such as ``normal`` or ``normal:1002``, with the channels of ORM; sorted."""
     sources: dict[tuple[str, str], SourceMap] = {}
     for name, path in maps.items():
         kind, tile = kind_of(name, maps)
@@ -186,11 +180,7 @@ def _level_of(stem: str) -> str:
 
 
 def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
-    """(H, W, 3) vectors of a tangent-space normal map, y up.
-
-    The code for 0 is decoded as exactly 0, so that flat texels stay flat at any bit depth. Vectors
-    are not normalized.
-    """
+    """(H, W, 3) vectors of a tangent-space map, y up, not normalized; flat ones are exact."""
     if image.pixels.shape[2] < 3:
         raise OptionError(f"{image.name}: a normal map has three channels; give another image")
     space = image.metadata.get(SPACE, "tangent")

@@ -237,10 +237,7 @@ def write_settings(
     n_levels: int = 1,
     notes: Sequence[str] = (),
 ) -> Path:
-    """Write the text that says what to set in the program, and return its path.
-
-    `imports` are the files that do it, as `write_imports` returns them.
-    """
+    """Write what to set in a program, or which `imports` do it, and return the path."""
     target, steps = PROGRAMS[options.to], _STEPS[options.to]
     flips = any(written.flips for written in maps)
     is_up = (target.convention == "opengl") != flips
