@@ -162,21 +162,14 @@ class Refinable(Protocol):
         """Take the samples of a bound; `OutOfTimeError` leaves the result of the round before."""
 
     def predicted_errors(self) -> tuple[FloatArray32, FloatArray32]:
-        """Return estimated errors, and the work that each costs in a round to a bound below it.
-
-        The errors are counted in closest bounds.
-        """
+        """Estimated errors in closest bounds, and the work of each in a round to one below."""
 
     def work_done(self) -> tuple[float, float]:
         """Return the work so far, and the seconds that it took itself, without any overhead."""
 
 
 class Rounds:
-    """Chooses the bound of each round, and notes what the rounds took.
-
-    `growths`: what a round costs as a multiple of what is known of it before, for the first round
-    and for later ones.
-    """
+    """Chooses bounds of rounds; `growths`: cost over what is known, of the first and later ones."""
 
     def __init__(
         self, budget: str | float, work: str, clock: BudgetClock, growths: tuple[float, float]
@@ -200,18 +193,12 @@ class Rounds:
     def learn_first(
         self, *, unit: float, total: float, overhead: float, after: float, certain: float = 0.0
     ) -> None:
-        """Note what the first samples have shown, before `run`.
-
-        `certain`: seconds of work that even the widest bound takes.
-        """
+        """Note what first samples show before `run`, `certain` seconds even for the widest."""
         self.unit, self.total, self.overhead, self.after = unit, total, overhead, after
         self.expect_at_least(self.clock.spent + after + overhead + certain)
 
     def expect_at_least(self, seconds: float, *, margin: float = 1.0) -> None:
-        """Note a prediction of the least time; say at once if it is longer than the budget.
-
-        `margin` is the factor by which the prediction may be too long.
-        """
+        """Note a least time, up to `margin` too long; say at once if it exceeds the budget."""
         self._least = seconds
         if seconds > margin * self.seconds and not self._is_warned and self.clock.warn is not None:
             self._is_warned = True
@@ -221,10 +208,7 @@ class Rounds:
             )
 
     def check(self, seconds: float = 0.0) -> None:
-        """Raise `OutOfTimeError` if a round takes too long, unless it is the least of all.
-
-        `seconds` is how long it still takes at least.
-        """
+        """Raise `OutOfTimeError` if a round takes at least `seconds` too long, but the least."""
         # Where there is no result yet, another round must follow.
         overheads = _TO_COME if self._reached < _NOTHING else _ANOTHER
         needed = seconds + self.after + overheads * self.overhead
@@ -299,10 +283,7 @@ class Rounds:
         return (_LAST_SHARE if is_last else _NEXT_SHARE) * left
 
     def _learn(self, known: float, work: float, seconds: float, sampling: float) -> None:
-        """Learn from what a round took, and how much of this the work itself, without overhead.
-
-        `known` is what the errors predicted before.
-        """
+        """Learn what a round took beside `known` errors, and how much of it without overhead."""
         if self._reached == _NOTHING:
             self._growth = self._later_growth
         elif known > 0.0:
