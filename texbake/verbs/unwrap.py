@@ -201,10 +201,7 @@ def _draw(
 def _written(
     source: Path, read: Mesh, mesh: Mesh, output: Path, *, mtl: bool, is_further: bool
 ) -> tuple[tuple[Path, ...], tuple[str, ...]]:
-    """Write a mesh with new texture coordinates and its materials.
-
-    These lose their images, unless the coordinates are a further set.
-    """
+    """Write a mesh with new uvs and its materials, without images unless `is_further`."""
     from texbake.jobs.mesh_output import MeshFileMaterials, write_with_materials
 
     found = MeshFileMaterials.read(source, read)
