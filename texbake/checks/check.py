@@ -7,7 +7,6 @@ from dataclasses import asdict, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.checks import coordinates, orientation, surface
 from texbake.checks.bake_kinds import FACES, SEVERITIES
@@ -29,7 +28,7 @@ from texbake.files import PathLike
 from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Float32Array, Mesh
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
@@ -100,7 +99,7 @@ class CheckReport:
             "stages": [asdict(stage) for stage in self.stages],
         }
 
-    def picture(self, size: int = 640) -> npt.NDArray[np.float32]:
+    def picture(self, size: int = 640) -> Float32Array:
         """(H, W, 3) linear picture of a UV layout for each finding, `size` pixels long."""
         from texbake.checks.picture import draw_findings
 

@@ -16,15 +16,13 @@ from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh, frozen
 from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import duplicate_faces, edge_ids, repeated_vertices
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-BoolArray = npt.NDArray[np.bool_]
-IdArray = npt.NDArray[np.int64]
 N_WORST = 10  # faces that a report names
 
 
@@ -82,28 +80,28 @@ class Finding:
 class SurfaceEdges:
     """The edges of a surface, and the faces at each."""
 
-    faces: IdArray  # (n,) int64; the faces whose edges these are, ascending
-    ids: IdArray  # (n, 3) int64; number of the edge from each of their corners to the next
-    counts: IdArray  # (E,) int64; how many faces have each edge
+    faces: Int64Array  # (n,) int64; the faces whose edges these are, ascending
+    ids: Int64Array  # (n, 3) int64; number of the edge from each of their corners to the next
+    counts: Int64Array  # (E,) int64; how many faces have each edge
     # (3 n,) int64; half-edges, 3 i + c for corner c of the i-th of `faces`, sorted by edge, then by
     # number.
-    ordered: IdArray
-    starts: IdArray  # (E,) int64; index in `ordered` of the first half-edge of each edge
+    ordered: Int64Array
+    starts: Int64Array  # (E,) int64; index in `ordered` of the first half-edge of each edge
 
     @classmethod
-    def of(cls, corners: npt.NDArray[np.integer[Any]], faces: IdArray) -> SurfaceEdges:
+    def of(cls, corners: npt.NDArray[np.integer[Any]], faces: Int64Array) -> SurfaceEdges:
         """Return the edges of some faces, from the (F, 3) corners of all."""
         ids = edge_ids(corners[faces])
         counts = np.bincount(ids.ravel())
         ordered = np.argsort(ids.ravel(), kind="stable")
         return cls(faces, ids, counts, ordered, np.cumsum(counts) - counts)
 
-    def pairs(self) -> tuple[IdArray, IdArray]:
+    def pairs(self) -> tuple[Int64Array, Int64Array]:
         """Both half-edges of each edge that exactly two faces share."""
         firsts = self.starts[self.counts == 2]
         return self.ordered[firsts], self.ordered[firsts + 1]
 
-    def faces_at(self, edges: BoolArray) -> tuple[IdArray, IdArray]:
+    def faces_at(self, edges: BoolArray) -> tuple[Int64Array, Int64Array]:
         """Faces at the edges selected by (E,) bool, and for each of them the edge."""
         rows, corners = np.nonzero(edges[self.ids])
         return self.faces[rows], self.ids[rows, corners]
@@ -202,7 +200,7 @@ class CheckedMesh:
         return np.asarray(np.where(np.abs(doubles) > AREA_ROUNDING * longest, doubles / 2.0, 0.0))
 
     @cached_property
-    def texture_edges(self) -> IdArray:
+    def texture_edges(self) -> Int64Array:
         """(F, 3) int64: numbers of edges, equal where faces share them in space and texture."""
         both = np.stack([self.places, self.uv_ids], axis=2).reshape(-1, 2)
         return edge_ids(weld_rows(both, threads=self.options.threads).reshape(-1, 3))

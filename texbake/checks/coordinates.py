@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding, Look
+from texbake.checks.checked_mesh import CheckedMesh, Finding, Look
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.stretch import face_stretch
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray
 from texbake.texture.padding import nearest_owner
 
 # Rounding of float32 files, for coordinates on the border of the tile; the same as in a bake.
@@ -151,9 +151,7 @@ def close_charts(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
     )
 
 
-def _meeting(
-    indices: IntArray, chart_of: IntArray, padding: int, axis: int
-) -> npt.NDArray[np.int64]:
+def _meeting(indices: IntArray, chart_of: IntArray, padding: int, axis: int) -> Int64Array:
     """(2, n): owners of neighboring texels along an axis that differ, both within the padding."""
     width = chart_of.shape[1]
     first = indices[:-1] if axis == 0 else indices[:, :-1]

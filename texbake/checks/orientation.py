@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding, IdArray, Look
+from texbake.checks.checked_mesh import CheckedMesh, Finding, Look
 from texbake.core import portable_math as pm
 from texbake.mapping.seams import connected_faces
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray
 from texbake.mesh.normals import NORMAL_ROUNDING, angles_between, shading_normals
 from texbake.mesh.remeshing.parts import winding_numbers
 from texbake.mesh.topology import against_most, next_half_edges, wind_alike
@@ -51,7 +51,7 @@ def inside_out_shells(checked: CheckedMesh) -> Finding | None:
 WINDING_CHECKS = (inconsistent_winding, inside_out_shells)
 
 
-def _neighbors(checked: CheckedMesh) -> tuple[IdArray, IdArray, BoolArray]:
+def _neighbors(checked: CheckedMesh) -> tuple[Int64Array, Int64Array, BoolArray]:
     """Half-edges of each edge of two faces, and whether both run the same way."""
     edges = checked.edges
     one, other = edges.pairs()

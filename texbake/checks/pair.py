@@ -12,17 +12,16 @@ from functools import cached_property
 from itertools import permutations, product
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE
-from texbake.checks.checked_mesh import BoolArray, CheckedMesh, Finding
+from texbake.checks.checked_mesh import CheckedMesh, Finding
 from texbake.checks.coordinates import TexelOwners
 from texbake.checks.kinds import CheckOptions
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mapping.options.shared import MAX_SIZE
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.records import dataclass
 
@@ -40,7 +39,7 @@ _MAX_FACES_PER_TEXEL = 4.0
 class ClosestPoints:
     """The closest points of another mesh to the centers of some faces."""
 
-    faces: npt.NDArray[np.int64]  # (n,) int64; faces that were measured
+    faces: Int64Array  # (n,) int64; faces that were measured
     step: int  # one of every `step` faces was
     distances: FloatArray  # (n,) float64; distances, in the local frame
     others: IntArray  # (n,) int32; faces of the other mesh that have the closest points
@@ -87,7 +86,7 @@ class MeshPair:
         distances, others, _ = tree.closest_points(points, threads=threads)
         return ClosestPoints(faces, step, distances, others)
 
-    def _centers(self, one: CheckedMesh, faces: npt.NDArray[np.int64]) -> FloatArray:
+    def _centers(self, one: CheckedMesh, faces: Int64Array) -> FloatArray:
         corners = self.frame.to_local(one.mesh.positions)[one.mesh.faces[faces]]
         return np.asarray(corners.mean(axis=1))
 

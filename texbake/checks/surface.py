@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.checks.checked_mesh import CheckedMesh, Finding, IdArray, Look
+from texbake.checks.checked_mesh import CheckedMesh, Finding, Look
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import unmeasurable_size
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, frozen
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, frozen
 from texbake.mesh.topology import next_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
@@ -169,7 +169,7 @@ def _n_distinct(indices: npt.NDArray[np.integer[Any]]) -> int:
     return int(np.count_nonzero(np.bincount(indices.ravel()))) if indices.size else 0
 
 
-def _near_pairs(points: npt.NDArray[np.float64], distance: float) -> tuple[IdArray, IdArray]:
+def _near_pairs(points: FloatArray, distance: float) -> tuple[Int64Array, Int64Array]:
     """Pairs of points within a distance, found among neighbors along a slanted line."""
     heights = pm.matmul(points, _SLANTED)
     order = np.argsort(heights, kind="stable")
@@ -188,7 +188,7 @@ def _near_pairs(points: npt.NDArray[np.float64], distance: float) -> tuple[IdArr
     return np.concatenate(ones), np.concatenate(others)
 
 
-def _pair_keys(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> IdArray:
+def _pair_keys(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> Int64Array:
     """One integer for each unordered pair of vertices."""
     low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other)
     return np.asarray((low << 31) | high)
@@ -228,7 +228,7 @@ def self_intersections(checked: CheckedMesh) -> Finding | None:
     )
 
 
-def crossed_by(checked: CheckedMesh) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+def crossed_by(checked: CheckedMesh) -> tuple[IntArray, BoolArray]:
     """Search for a face that passes through each face.
 
     Returns `others` (F,) int32: a face that crosses each, -1 for none, and for most copies in a

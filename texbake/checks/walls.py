@@ -10,7 +10,6 @@ detail of the wrong wall. One ray is cast from the center of each face.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import RayField
@@ -19,7 +18,7 @@ from texbake.baking.texels import Samples
 from texbake.checks.checked_mesh import Finding
 from texbake.checks.pair import MeshPair
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, Int64Array
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
 
@@ -69,9 +68,7 @@ def wall_findings(pair: MeshPair) -> list[Finding | None]:
     ]
 
 
-def _walls(
-    pair: MeshPair, faces: npt.NDArray[np.int64], rays: Rays
-) -> tuple[FloatArray, FloatArray]:
+def _walls(pair: MeshPair, faces: Int64Array, rays: Rays) -> tuple[FloatArray, FloatArray]:
     """Return distances from faces along their rays to other walls of the low-poly mesh.
 
     (n,) float64 each, in the local frame: to the back of the wall, inf beyond the end of the ray;

@@ -36,7 +36,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_together
 from texbake.mesh.interchange import plain_array
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.records import dataclass
 
@@ -48,8 +48,7 @@ _MOST_ATLASES = 100
 _HARD = 1000.0  # `normal_seam_weight` above this cuts charts at all hard edges
 
 UintArray = npt.NDArray[np.uint32]
-FloatArray32 = npt.NDArray[np.float32]
-MeshArrays = tuple[UintArray, UintArray, FloatArray32]
+MeshArrays = tuple[UintArray, UintArray, Float32Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +60,7 @@ class _Packed:
     atlases: IntArray  # (F,) atlas of each face
     n_charts: int
 
-    def arrays(self) -> tuple[UintArray, UintArray, FloatArray32, npt.NDArray[np.intp]]:
+    def arrays(self) -> tuple[UintArray, UintArray, Float32Array, npt.NDArray[np.intp]]:
         """Vertices of the atlas, faces, texture coordinates, and a face of each vertex."""
         assert self.mesh.uvs is not None and self.mesh.uv_faces is not None
         vertices, places = self.mesh.faces.ravel(), self.mesh.uv_faces.ravel()

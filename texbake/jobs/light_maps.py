@@ -28,11 +28,10 @@ from texbake.errors import OptionError, UvError, counted
 from texbake.files import PathLike
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import FIRST_UV_SET, Mesh
+from texbake.mesh.mesh import FIRST_UV_SET, Float32Array, Mesh
 from texbake.parallel import run_bands
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
-from texbake.rendering.fragments import Floats
 from texbake.rendering.scene.lights import Ambient
 from texbake.rendering.scene.scene import Scene, apply_mapping, place_mesh
 from texbake.rendering.scene.textures import ImageTexture
@@ -50,7 +49,7 @@ class LightMap:
     name: str  # of the object
     # (H, W, 3) float32; linear, not limited to 1, row 0 at the top; 0 outside the charts and their
     # padding.
-    values: Floats
+    values: Float32Array
     has_data: npt.NDArray[np.bool_]  # (H, W) bool; texels that a face covers
     n_overlapping: int  # samples that several faces cover; each has the lighting of one of them
     n_outside: int  # faces that extend beyond the unit square; what lies outside is not baked
@@ -268,12 +267,8 @@ def _baked(
 
 
 def _light_of(
-    surface: LitSurface,
-    samples: Samples,
-    lamps: StaticLight,
-    receives: bool,
-    threads: int | None,
-) -> Floats:
+    surface: LitSurface, samples: Samples, lamps: StaticLight, receives: bool, threads: int | None
+) -> Float32Array:
     """(n, 3) float32: lighting at samples, computed in bands."""
     light = np.empty((len(samples), 3), np.float32)
 

@@ -14,7 +14,7 @@ import numpy as np
 from texbake.baking.texels import Samples
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, shading_normals
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
@@ -23,7 +23,6 @@ from texbake.rendering.effects.ambient import add_ambient
 from texbake.rendering.effects.lights import PlacedLight, arriving_light, placed_light
 from texbake.rendering.effects.projectors import LightCookie
 from texbake.rendering.effects.shading_models import add_lambert
-from texbake.rendering.fragments import Floats
 from texbake.rendering.rasterize import join_objects
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.scene import Scene
@@ -69,8 +68,8 @@ class StaticLight:
             self._scene = RayScene.build(everything, self._frame, threads=threads)
 
     def light_at(
-        self, points: FloatArray, normals: Floats, sides: FloatArray, *, receives: bool
-    ) -> Floats:
+        self, points: FloatArray, normals: Float32Array, sides: FloatArray, *, receives: bool
+    ) -> Float32Array:
         """(n, 3) light of white, matte points by shading normals and `sides`, those of faces."""
         out = np.zeros((len(points), 3), np.float32)
         add_ambient(self._ambient, self._up, normals, _WHITE, _ALL, out)
@@ -86,7 +85,7 @@ class StaticLight:
             add_lambert(normals, arrived, _WHITE, out)
         return out
 
-    def _hidden(self, light: PlacedLight, points: FloatArray, sides: FloatArray) -> Floats:
+    def _hidden(self, light: PlacedLight, points: FloatArray, sides: FloatArray) -> Float32Array:
         """(n,) bool: whether something lies between points and a lamp."""
         assert self._scene is not None
         origins = self._frame.to_local(points)
@@ -120,7 +119,7 @@ class LitSurface:
         """Return a placed mesh with its normals."""
         return cls(mesh, *shading_normals(mesh, threads=threads), face_normals(mesh))
 
-    def at(self, samples: Samples) -> tuple[FloatArray, Floats, FloatArray]:
+    def at(self, samples: Samples) -> tuple[FloatArray, Float32Array, FloatArray]:
         """Points, unit normals and face normals of samples."""
         second, third = samples.barycentrics.T
         weights = np.stack([1.0 - second - third, second, third], axis=1)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, UvError
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
@@ -50,7 +50,7 @@ def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, In
     return flat[used], uv_faces.reshape(-1, 3).astype(np.int32)
 
 
-def faces_of_group(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
+def faces_of_group(mesh: Mesh, name: str) -> BoolArray:
     """(F,) bool: the faces of a group."""
     if not mesh.group_names or mesh.face_groups is None:
         raise OptionError(f"only: {mesh.name} has no groups, so none is named {name}")
@@ -63,7 +63,7 @@ def faces_of_group(mesh: Mesh, name: str) -> npt.NDArray[np.bool_]:
     return chosen
 
 
-def selected(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
+def selected(mesh: Mesh, chosen: BoolArray) -> Mesh:
     """Mesh of the chosen faces; all vertices stay, used or not."""
 
     def kept(by_face: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:

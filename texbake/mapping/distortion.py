@@ -11,7 +11,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import counted
 from texbake.mapping.corner_uvs import check_measurable
@@ -265,7 +264,7 @@ def _worst_faces(found: FaceStretch, charts: IntArray) -> tuple[FaceDistortion, 
     )
 
 
-def _n_tiles(corners: npt.NDArray[np.float64]) -> int:
+def _n_tiles(corners: FloatArray) -> int:
     """Number of unit squares that contain the centroid of a triangle."""
     columns, rows = np.floor(corners.mean(axis=1)).T
     return len(np.unique(columns + 1j * rows))  # pairs of numbers as single ones

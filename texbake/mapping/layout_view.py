@@ -7,13 +7,12 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import UvError, require_library
 from texbake.mapping.corner_uvs import signed_areas, unmeasurable_size
 from texbake.mapping.stretch import face_stretch
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.oklch import diverging
 from texbake.records import dataclass
 
@@ -185,7 +184,7 @@ def _on_tile(values: FloatArray) -> FloatArray:
     return np.where(np.abs(values - borders) <= _ROUNDING * (1.0 + np.abs(values)), borders, values)
 
 
-def text_coverage(text: str, size: int) -> npt.NDArray[np.float32]:
+def text_coverage(text: str, size: int) -> Float32Array:
     """(h, w) coverage by the glyphs of a line of text, cropped; `size` is the font's, in px."""
     require_library("PIL", "text in pictures")
     from PIL import Image, ImageDraw, ImageFont

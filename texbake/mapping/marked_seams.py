@@ -15,11 +15,11 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
-from texbake.mapping.seams import BoolArray, seam_edges
+from texbake.mapping.seams import seam_edges
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.interchange import plain_array
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.topology import edge_keys
 from texbake.mesh.weld import unique_rows, weld_rows
 
@@ -43,13 +43,13 @@ def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False)
     return marked | np.isin(keys, wanted)
 
 
-def _keys(mesh: Mesh, places: IntArray) -> npt.NDArray[np.int64]:
+def _keys(mesh: Mesh, places: IntArray) -> Int64Array:
     """(F, 3) int64: `edge_keys` of the edges from each corner to the next."""
     corners = places[mesh.faces]
     return edge_keys(corners, np.roll(corners, -1, axis=1))
 
 
-def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
+def _checked(edges: npt.ArrayLike, mesh: Mesh) -> Int64Array:
     pairs = plain_array(edges, "seams")
     if pairs.size == 0:
         return np.empty((0, 2), np.int64)
@@ -66,7 +66,7 @@ def _checked(edges: npt.ArrayLike, mesh: Mesh) -> npt.NDArray[np.int64]:
     return pairs.astype(np.int64)
 
 
-def read_seams(path: PathLike, mesh: Mesh) -> npt.NDArray[np.int64]:
+def read_seams(path: PathLike, mesh: Mesh) -> Int64Array:
     """(E, 2) pairs of vertices from lines (`l`) of an OBJ file, along shortest paths."""
     points, lines = _read_lines(path)
     vertices = _vertices_at(path, points, mesh)
@@ -121,7 +121,7 @@ def _read_lines(path: PathLike) -> tuple[FloatArray, list[tuple[int, IntArray]]]
     return np.array(points), lines
 
 
-def _vertices_at(path: PathLike, points: FloatArray, mesh: Mesh) -> npt.NDArray[np.int64]:
+def _vertices_at(path: PathLike, points: FloatArray, mesh: Mesh) -> Int64Array:
     """(n,) int64: the vertex of the mesh at each point."""
     grid = UnitGrid.around(mesh)
     of_mesh, cells = (grid.to_grid(rows, _CELLS) for rows in (mesh.positions, points))

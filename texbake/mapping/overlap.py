@@ -14,12 +14,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import counted
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -42,19 +41,19 @@ _LEAST_PAIRS_OF_A_FACE = 512
 class Overlaps:
     """Which faces overlap another."""
 
-    overlapping: npt.NDArray[np.bool_]  # (F,) bool
+    overlapping: BoolArray  # (F,) bool
     # (F,) bool; faces without a known overlap that were compared with only some of the faces near
     # them, because there are thousands of those.
-    unsure: npt.NDArray[np.bool_]
+    unsure: BoolArray
 
 
 class _Packed(NamedTuple):
     """Lines of the faces, thick faces in order, and boxes around them, as the kernels take them."""
 
     lines: FloatArray
-    order: npt.NDArray[np.int64]
+    order: Int64Array
     boxes: FloatArray
-    children: npt.NDArray[np.int64]
+    children: Int64Array
 
 
 def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlaps:

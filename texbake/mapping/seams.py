@@ -14,16 +14,13 @@ Based on: K. Weiler, "Edge-based data structures for solid modeling in curved-su
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.hard_edges import exceed_angle, inner_edges, normals_jump
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.topology import edge_ids, face_components
 from texbake.mesh.weld import weld_rows
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
@@ -71,7 +68,7 @@ def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
     return float(pm.norm(heads - tails, axis=1).sum()) / 2.0
 
 
-def connected_faces(edges: npt.NDArray[np.int64]) -> IntArray:
+def connected_faces(edges: Int64Array) -> IntArray:
     """(F,) components of faces that share an `edge_ids` edge, numbered by their first faces."""
     # Edges take the place of vertices: faces that share one are connected.
     components, _ = face_components(edges.astype(np.int32), int(edges.max(initial=-1)) + 1)
@@ -87,7 +84,7 @@ def _texture_corners(mesh: Mesh) -> IntArray:
     return weld_rows(np.stack([places, uvs], axis=2).reshape(-1, 2)).reshape(-1, 3)
 
 
-def _used_once(edges: npt.NDArray[np.int64]) -> BoolArray:
+def _used_once(edges: Int64Array) -> BoolArray:
     return np.asarray(np.bincount(edges.ravel())[edges] == 1)
 
 

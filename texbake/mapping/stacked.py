@@ -20,12 +20,10 @@ from texbake.errors import OptionError, quoted
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.tangents import shading_tangents
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
 
 # Corners this close, in tiles, are the same: a sixteenth of a texel of the largest maps, and four
 # times the error of six decimals, or of float32 within eight tiles.
@@ -122,7 +120,7 @@ class _Outlines:
     # (n, 4) int32; rows that are equal for islands with equal corners and outlines: two sums of
     # 64-bit codes, over the corners and over the edges, so that neither the order of faces nor the
     # diagonals of quadrilaterals matter.
-    codes: npt.NDArray[np.int32]
+    codes: IntArray
     islands: IntArray  # (m,) int32; of each edge
     ends: IntArray  # (m, 2) int32; of each edge, the lower first
     lengths: FloatArray  # (m,) float64; of each edge in space

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from texbake.errors import UvError
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, Mesh
 from texbake.mesh.normals import AREA_ROUNDING
 from texbake.records import dataclass
 
@@ -51,7 +51,7 @@ class Stretch:
 class FaceStretch:
     """Stretch of each face that has area both in space and in the texture."""
 
-    faces: npt.NDArray[np.int64]  # (M,) int64; indices of those faces, ascending
+    faces: Int64Array  # (M,) int64; indices of those faces, ascending
     areas: FloatArray  # (M,) float64; areas in space, in squares of model units
     texel_areas: FloatArray  # (M,) float64; areas in texels, negative for mirrored faces
     # greatest, least: (M,) float64; Γ and γ, the singular values of the map from texture to
@@ -62,7 +62,7 @@ class FaceStretch:
     n_collapsed: int  # faces with area in space but none in the texture
 
     @property
-    def mirrored(self) -> npt.NDArray[np.bool_]:
+    def mirrored(self) -> BoolArray:
         """(M,) bool: faces that are clockwise in the texture."""
         return self.texel_areas < 0.0
 

@@ -25,11 +25,10 @@ from texbake.mapping.corner_uvs import (
 from texbake.mapping.distortion import Distortion, distortion
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.options.projection import TransformOptions
-from texbake.mapping.seams import BoolArray
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh, plain_array
-from texbake.mesh.mesh import Mesh, UvSet
+from texbake.mesh.mesh import BoolArray, Float32Array, Mesh, UvSet
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
@@ -331,7 +330,7 @@ def parametrize(
     *,
     threads: int | None = None,
     **changes: Any,
-) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], npt.NDArray[np.float32]]:
+) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], Float32Array]:
     """Unwrap triangles, as `xatlas.parametrize` does; see also `texbake.compat.xatlas`.
 
     Parameters

@@ -16,7 +16,15 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, UvSet, require_few_sets
+from texbake.mesh.mesh import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    Mesh,
+    UvSet,
+    require_few_sets,
+)
 from texbake.records import dataclass
 
 # Fields of a mesh with a row of three indices for each face.
@@ -41,7 +49,7 @@ def face_fields(mesh: Mesh, chosen: npt.NDArray[Any]) -> dict[str, Any]:
     return fields
 
 
-def excerpt(mesh: Mesh, chosen: npt.NDArray[np.bool_]) -> Mesh:
+def excerpt(mesh: Mesh, chosen: BoolArray) -> Mesh:
     """Mesh of the `chosen` (F,) faces; rows of all arrays keep their order."""
     if chosen.all():
         return mesh
@@ -89,7 +97,7 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
     return mesh.replace(**changes)
 
 
-def is_mirroring(linear: FloatArray) -> npt.NDArray[np.bool_]:
+def is_mirroring(linear: FloatArray) -> BoolArray:
     """Whether a (3, 3) map turns a right hand into a left one; (...,) of (..., 3, 3) maps."""
     with np.errstate(divide="ignore"):  # a pivot that rounds to 0 is that of a flat map
         return np.asarray(pm.det(_moderate(linear)) < 0.0)
@@ -115,7 +123,7 @@ def transformed_normals(normals: FloatArray, linear: FloatArray) -> FloatArray:
 
 def signed_tangents(
     directions: FloatArray, w: npt.NDArray[Any], signs: float | FloatArray
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """(n, 4) tangents, unit where they do not vanish, w 1 or -1.
 
     `directions` (n, 3) float64, changed in place; `w` (n, 1): signs of the bitangents; `signs` (n,
@@ -136,7 +144,7 @@ def _moderate(linear: FloatArray) -> FloatArray:
     return linear / np.where(is_moderate, 1.0, largest)
 
 
-def turned_over(mesh: Mesh, turned: npt.NDArray[np.bool_]) -> Mesh:
+def turned_over(mesh: Mesh, turned: BoolArray) -> Mesh:
     """Flip some faces (F,) and the normals at their corners, and drop tangents."""
     if not turned.any():
         return mesh
@@ -186,7 +194,7 @@ class MeshPart:
     uvs: FloatArray | None  # (n, 2) float64
     normals: FloatArray | None  # (n, 3) float64
     tangents: FloatArray | None  # (n, 4) float64
-    colors: npt.NDArray[np.float32] | None  # (V, 3) or (V, 4) float32; linear
+    colors: Float32Array | None  # (V, 3) or (V, 4) float32; linear
     uv_sets: Mapping[str, UvSet] = field(default_factory=dict)
 
     @property
@@ -359,7 +367,7 @@ def _map(rows: FloatArray, counts: Sequence[int], maps: FloatArray) -> None:
             rows[at] = pm.matmul(rows[at], maps[chosen].swapaxes(1, 2))
 
 
-def with_alpha(colors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def with_alpha(colors: Float32Array) -> Float32Array:
     """(V, 4) colors of (V, 3) or (V, 4), opaque where they have no alpha."""
     rgba = np.ones((len(colors), 4), np.float32)
     rgba[:, : colors.shape[1]] = colors

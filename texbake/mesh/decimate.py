@@ -17,12 +17,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.compose import used_rows
 from texbake.mesh.frame import UnitGrid
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
 from texbake.mesh.topology import face_components, repeated_vertices
 from texbake.mesh.weld import weld_rows
@@ -162,7 +161,7 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     return Mesh(**fields, name=mesh.name)
 
 
-def _is_first_of_its_kind(faces: IntArray) -> npt.NDArray[np.bool_]:
+def _is_first_of_its_kind(faces: IntArray) -> BoolArray:
     """False for a face that repeats one before it, its corners in the same cyclic order."""
     turns = np.argmin(faces, axis=1)
     rows = np.arange(len(faces))
@@ -185,7 +184,7 @@ def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
     return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
 
 
-def open_vertices(stream: VertexStream) -> npt.NDArray[np.bool_]:
+def open_vertices(stream: VertexStream) -> BoolArray:
     """(V,) bool: where a surface is open or wound in different ways; `core/closed_surfaces.c`."""
     vertex_of, points = stream.vertices
     is_open = np.empty(len(points), dtype=bool)

@@ -28,7 +28,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import (
     NORMAL_ROUNDING,
     angles_between,
@@ -49,8 +49,6 @@ from texbake.mesh.topology import (
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-BoolArray = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int64]
 HalfEdges = npt.NDArray[np.intp]
 
 # Cosines of the angle from which on an edge may be sharp, and of that which gentle curves stay
@@ -204,10 +202,10 @@ class EdgePairs:
     """Edges of two polygons."""
 
     # one, other: (E,) int64; corners at which the two polygons start the edge.
-    one: Indices
-    other: Indices
+    one: Int64Array
+    other: Int64Array
     # (C,) int64; number of the edge that starts at each corner, the same in all its polygons.
-    keys: Indices
+    keys: Int64Array
     n_more: int  # edges of more than two polygons
 
 
@@ -215,15 +213,15 @@ class EdgePairs:
 class Polygons:
     """Polygons by their corners."""
 
-    vertices: Indices  # (C,) int64; vertex of each corner
-    sizes: Indices  # (P,) int64; corners of each polygon, in the order of `vertices`
+    vertices: Int64Array  # (C,) int64; vertex of each corner
+    sizes: Int64Array  # (P,) int64; corners of each polygon, in the order of `vertices`
 
     @classmethod
     def of(cls, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]) -> Polygons:
         """Return polygons by integers of any type."""
         return cls(vertices.astype(np.int64), sizes.astype(np.int64))
 
-    def pairs(self, slots: Indices) -> EdgePairs:
+    def pairs(self, slots: Int64Array) -> EdgePairs:
         """Find the edges of two polygons, of those whose corners `slots` are in triangles."""
         heads = self.vertices[next_corners(self.sizes)]
         keys = edge_keys(self.vertices, heads)
@@ -239,7 +237,7 @@ def smoothed_normals(
     positions: FloatArray,
     faces: IntArray,
     polygons: Polygons,
-    slots: Indices,
+    slots: Int64Array,
     pairs: EdgePairs,
     is_smooth: BoolArray,
 ) -> dict[str, Any]:
@@ -262,7 +260,7 @@ def smoothed_normals(
 
 
 def with_smoothing_groups(
-    mesh: Mesh, polygons: Polygons, slots: Indices | None, groups: IntArray
+    mesh: Mesh, polygons: Polygons, slots: Int64Array | None, groups: IntArray
 ) -> Mesh:
     """Return a mesh with normals that are hard between groups; the same mesh if it has only one.
 
@@ -286,7 +284,7 @@ def with_smoothing_groups(
     return mesh.replace(**normals)
 
 
-def _has_fine_facets(mesh: Mesh, slots: Indices, pairs: EdgePairs) -> bool:
+def _has_fine_facets(mesh: Mesh, slots: Int64Array, pairs: EdgePairs) -> bool:
     """Whether facets turn at most edges, by less than `_FINE` at half of these."""
     face_of = np.zeros(len(pairs.keys), np.int64)
     face_of[slots.ravel()] = np.arange(slots.size) // 3

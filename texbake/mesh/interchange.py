@@ -21,7 +21,7 @@ from texbake.errors import (
 )
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.mesh.weld import split_vertices, values_of_vertices
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def from_trimesh(mesh: trimesh.Trimesh | trimesh.Scene, *, name: str | None = No
     return Mesh(name=name, **fields)
 
 
-def _vertex_colors(mesh: trimesh.Trimesh) -> npt.NDArray[np.float32] | None:
+def _vertex_colors(mesh: trimesh.Trimesh) -> Float32Array | None:
     """(V, 3) or (V, 4) colors of vertices; None where they were never given."""
     colors = None
     if mesh.visual.kind == "vertex":
@@ -144,7 +144,7 @@ def _vertex_colors(mesh: trimesh.Trimesh) -> npt.NDArray[np.float32] | None:
     return (colors / scale).astype(np.float32)
 
 
-def _world_matrix(scene: trimesh.Scene, node: str) -> npt.NDArray[np.float64]:
+def _world_matrix(scene: trimesh.Scene, node: str) -> FloatArray:
     """(4, 4): product of matrices down to a node, since trimesh's own depends on the processor."""
     tree, matrix = scene.graph.transforms, np.eye(4)
     with np.errstate(over="ignore", invalid="ignore"):

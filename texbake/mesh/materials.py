@@ -25,7 +25,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh, frozen
 from texbake.records import dataclass
 
 # Rows of a matrix that takes (u, v, 1) to (u, v) of an image.
@@ -88,7 +88,7 @@ class ChannelImage:
 class SurfaceSampler(Protocol):
     """Computes values of one or several channels at points of a surface."""
 
-    def at(self, points: FloatArray, normals: FloatArray) -> Mapping[str, npt.NDArray[np.float32]]:
+    def at(self, points: FloatArray, normals: FloatArray) -> Mapping[str, Float32Array]:
         """Return linear values (n, C) of each channel at points (n, 3) in model units."""
 
 
@@ -198,7 +198,7 @@ class Materials:
         return first_few(line for _, line in self.missing)
 
     def of_faces(
-        self, chosen: npt.NDArray[np.bool_] | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]
+        self, chosen: BoolArray | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]
     ) -> Materials:
         """Return the materials of chosen faces, whose mesh keeps some rows of `uvs`."""
         sets = {number: coordinates[uv_rows] for number, coordinates in self.uv_sets.items()}

@@ -20,8 +20,11 @@ from texbake.errors import FileFormatError, MeshError, UvError, quoted
 from texbake.files import PathLike
 from texbake.records import dataclass
 
+BoolArray = npt.NDArray[np.bool_]
 FloatArray = npt.NDArray[np.float64]
+Float32Array = npt.NDArray[np.float32]
 IntArray = npt.NDArray[np.int32]
+Int64Array = npt.NDArray[np.int64]
 
 # Vertices, and half-edges, three per face, are numbered with int32.
 MAX_CORNERS = 2**31 - 1

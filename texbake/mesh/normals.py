@@ -25,7 +25,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
 from texbake.parallel import resolve_threads, run_bands
 
@@ -47,7 +47,7 @@ def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
     return normals
 
 
-def degenerate_faces(mesh: Mesh) -> npt.NDArray[np.bool_]:
+def degenerate_faces(mesh: Mesh) -> BoolArray:
     """(F,) bool: faces without area."""
     return np.asarray((face_normals(mesh) == 0.0).all(axis=1))
 

@@ -14,15 +14,12 @@ from __future__ import annotations
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray, Mesh, frozen
+from texbake.mesh.mesh import BoolArray, IntArray, Mesh, frozen
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
-
-BoolArray = npt.NDArray[np.bool_]
 
 # Cosine of the largest angle between faces across which a surface continues: 60 degrees.
 _GOES_ON = 0.5

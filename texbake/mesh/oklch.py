@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-
-FloatArray = npt.NDArray[np.float64]
+from texbake.mesh.mesh import FloatArray
 
 # Oklab to cube roots of cone responses, and those cubed to linear sRGB.
 _CONES = np.array(

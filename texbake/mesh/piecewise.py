@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.decimate import VertexStream, boundary_fits, open_vertices, with_three_places
+from texbake.mesh.mesh import Float32Array
 from texbake.mesh.triangle_tree import morton_order
 from texbake.parallel import run_bands
 
@@ -118,9 +119,7 @@ def _is_crowded(stream: VertexStream) -> bool:
     return bool(core.count_looks(len(points), vertex_of, stream.faces, _CROWD) > _MOST_LOOKS)
 
 
-def _error_limit(
-    errors: npt.NDArray[np.float32], n_gone: npt.NDArray[np.uint8], n_wanted: int
-) -> float:
+def _error_limit(errors: Float32Array, n_gone: npt.NDArray[np.uint8], n_wanted: int) -> float:
     """Error up to which collapses take about `n_wanted` faces away, or all that are finite."""
     bins = np.zeros(1 << (32 - _ERROR_SHIFT), dtype=np.int64)  # floats from 0 sort as their bits
     n_bins = core.add_by_error(errors, n_gone, _ERROR_SHIFT, bins)

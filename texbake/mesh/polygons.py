@@ -19,22 +19,20 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import counted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
-Indices = npt.NDArray[np.int64]
-
 _BAND = 1 << 14  # polygons
 
 
-def polygon_of_triangles(sizes: npt.NDArray[Any]) -> Indices:
+def polygon_of_triangles(sizes: npt.NDArray[Any]) -> Int64Array:
     """(F,) the polygon of each triangle: a polygon of n corners has n - 2, none if n < 3."""
     return np.repeat(np.arange(len(sizes)), np.maximum(sizes.astype(np.int64) - 2, 0))
 
 
-def next_corners(sizes: Indices) -> Indices:
+def next_corners(sizes: Int64Array) -> Int64Array:
     """(C,) corner that follows each one in its polygon; (P,) sizes are numbers of corners."""
     sizes = sizes[sizes > 0]
     following = np.arange(1, sizes.sum() + 1)
@@ -44,11 +42,8 @@ def next_corners(sizes: Indices) -> Indices:
 
 
 def triangulated(
-    path: PathLike,
-    positions: npt.NDArray[np.float64],
-    vertices: npt.NDArray[Any],
-    sizes: npt.NDArray[Any],
-) -> tuple[Indices, Indices]:
+    path: PathLike, positions: FloatArray, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]
+) -> tuple[Int64Array, Int64Array]:
     """Cut the polygons of a file into triangles; warn of those left out, and of crossing ones.
 
     `positions` (V, 3) float64; `vertices` (C,) integers; `sizes` (P,) integers. Returns `corners`
@@ -83,8 +78,8 @@ def triangulated(
 
 
 def cut_polygons(
-    positions: npt.NDArray[np.float64], vertices: IntArray, sizes: Indices
-) -> tuple[Indices, Indices, npt.NDArray[np.bool_]]:
+    positions: FloatArray, vertices: IntArray, sizes: Int64Array
+) -> tuple[Int64Array, Int64Array, BoolArray]:
     """Cut polygons into triangles, as `triangulated`, and say which cross themselves."""
     polygons = polygon_of_triangles(sizes)
     triangles = np.empty((len(polygons), 3), np.int64)
@@ -106,9 +101,9 @@ def cut_polygons(
 class Outlines:
     """The polygons of a mesh by their corners."""
 
-    sizes: Indices  # (P,) int64; corners of each polygon
-    slots: Indices  # (C,) int64; corners, polygon after polygon: 3 f + c is corner c of face f
-    firsts: Indices  # (P,) int64; first face of each polygon
+    sizes: Int64Array  # (P,) int64; corners of each polygon
+    slots: Int64Array  # (C,) int64; corners, polygon after polygon: 3 f + c is corner c of face f
+    firsts: Int64Array  # (P,) int64; first face of each polygon
     n_split: int  # polygons that are given as their triangles instead
 
     def warn(self, path: PathLike) -> None:
@@ -145,7 +140,9 @@ def outlines(mesh: Mesh) -> Outlines:
     return Outlines(sizes, slots, np.searchsorted(polygons, np.arange(len(sizes))), n_split)
 
 
-def _outer_edges(mesh: Mesh, polygons: IntArray, corners: Indices) -> tuple[Indices, Indices]:
+def _outer_edges(
+    mesh: Mesh, polygons: IntArray, corners: Int64Array
+) -> tuple[Int64Array, Int64Array]:
     """Place the edges of the faces of polygons on the outlines.
 
     `polygons`, `corners` (n,) integers. Returns `n_left` (n,) int64: edges from this one to the end
@@ -177,14 +174,14 @@ def _outer_edges(mesh: Mesh, polygons: IntArray, corners: Indices) -> tuple[Indi
 
 
 def _differs(
-    mesh: Mesh, corners: Indices, at_point: Indices, firsts: Indices
-) -> npt.NDArray[np.bool_]:
+    mesh: Mesh, corners: Int64Array, at_point: Int64Array, firsts: Int64Array
+) -> BoolArray:
     """(n,) whether a corner has other values than the one of the outline at its vertex.
 
     `at_point` and `firsts` are the numbers of that corner, n for none, and of the first one of the
     polygon, whose group counts.
     """
-    is_other: npt.NDArray[np.bool_] = at_point == len(corners)
+    is_other: BoolArray = at_point == len(corners)
     others = corners[np.where(is_other, 0, at_point)]
     pairs = [(item.uvs, item.faces) for item in mesh.uv_sets.values()]
     if mesh.uvs is not None and mesh.uv_faces is not None:

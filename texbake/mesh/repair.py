@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
@@ -20,7 +19,7 @@ from texbake.mesh.compose import face_fields, turned_over, used_rows
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import BoolArray, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.objects import joined_objects, vertex_objects
 from texbake.mesh.options import RepairOptions
@@ -104,11 +103,11 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
     return merged, mesh.n_vertices - merged.n_vertices
 
 
-def _kept(mesh: Mesh, keep: npt.NDArray[np.bool_]) -> Mesh:
+def _kept(mesh: Mesh, keep: BoolArray) -> Mesh:
     return mesh if keep.all() else mesh.replace(**face_fields(mesh, keep))
 
 
-def misoriented(mesh: Mesh) -> npt.NDArray[np.bool_]:
+def misoriented(mesh: Mesh) -> BoolArray:
     """(F,) bool: faces to flip so that neighbors agree and closed parts face outwards."""
     n = mesh.n_faces
     pairs = edge_neighbors(mesh.faces)

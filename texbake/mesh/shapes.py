@@ -22,11 +22,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, ids_around, split_quads
 from texbake.mesh.parametric.options import MAX_TRIANGLES
 from texbake.parallel import run_bands
@@ -298,12 +297,12 @@ def _pores() -> tuple[Any, ...]:
     return centers, radii, depths, _N_CELLS, starts, np.concatenate(pores)[order]
 
 
-def _cells(points: FloatArray) -> npt.NDArray[np.int64]:
+def _cells(points: FloatArray) -> Int64Array:
     cells = np.floor((points + 1.0) * (0.5 * _N_CELLS)).astype(np.int64)
     return np.clip(cells, 0, _N_CELLS - 1)
 
 
-def _hashed(numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
+def _hashed(numbers: Int64Array, stream: int) -> FloatArray:
     """Evenly spread values in [0, 1), one per number, unrelated between streams (SplitMix64)."""
     z = (numbers.astype(np.uint64) * np.uint64(8) + np.uint64(stream + 1)) * np.uint64(
         0x9E3779B97F4A7C15

@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, Mesh
 from texbake.mesh.polygons import outlines
 from texbake.records import dataclass
 
 AnyArray = npt.NDArray[Any]
-BoolArray = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int64]
 
 # Corners of the halves, cut between the corners 0 and 2, or 1 and 3; and the places of their common
 # corners in the first half and in the second.
@@ -35,13 +33,13 @@ class Quads:
     """The triangles that the reference makes of a mesh with quadrilaterals."""
 
     # (F, 3) int64; corners of the mesh, 3 f + c, that are the corners of each triangle.
-    slots: Indices
-    firsts: Indices  # (Q,) int64; first triangle of each quadrilateral; the next is the second
+    slots: Int64Array
+    firsts: Int64Array  # (Q,) int64; first triangle of each quadrilateral; the next is the second
     # (3 F,) int64; corner of the triangles that each corner of the mesh takes its tangent from.
-    sources: Indices
+    sources: Int64Array
     # (2, Q, 2) int64; corners of the triangles at the ends of the diagonal, in the first and in the
     # second.
-    common: Indices
+    common: Int64Array
 
     @classmethod
     def of(cls, mesh: Mesh, points: FloatArray, uvs: AnyArray) -> Quads | None:

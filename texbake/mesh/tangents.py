@@ -31,7 +31,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangent_quads import Quads, agree
 from texbake.mesh.topology import edge_keys
@@ -42,7 +42,7 @@ from texbake.mesh.weld import weld_rows
 _PARALLEL = 1.0 - 1e-6
 
 
-def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]:
+def image_axes(linear: npt.NDArray[np.floating[Any]]) -> Float32Array:
     """Directions of the axes of a normal map whose texture coordinates are transformed.
 
     Tangents are those of the mesh's own coordinates. The relief turns with the image.
@@ -65,7 +65,7 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> npt.NDArray[np.float32]
     return np.asarray(axes / pm.norm(axes, axis=1, keepdims=True), np.float32)
 
 
-def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
+def corner_tangents(mesh: MeshLike) -> Float32Array:
     """MikkTSpace tangent of each corner, for the mesh's texture coordinates and normals.
 
     Interpolate tangents, normals and bitangents over a face without renormalizing them; the
@@ -113,13 +113,13 @@ def corner_tangents(mesh: MeshLike) -> npt.NDArray[np.float32]:
     return np.concatenate([tangents, signs[..., None]], axis=2, dtype=np.float32)
 
 
-def shading_tangents(mesh: Mesh) -> npt.NDArray[np.float32]:
+def shading_tangents(mesh: Mesh) -> Float32Array:
     """(F, 3, 4) float32 corner tangents: those of the file, else those of MikkTSpace."""
     return corner_tangents(mesh) if mesh.tangents is None else mesh.tangents
 
 
 def _fill_missing(
-    tangents: FloatArray, signs: FloatArray, has_fan: npt.NDArray[np.bool_], normals: FloatArray
+    tangents: FloatArray, signs: FloatArray, has_fan: BoolArray, normals: FloatArray
 ) -> None:
     """Give corners without a tangent, in place, what `corner_tangents` promises them."""
     missing = ~tangents.any(axis=2)
@@ -136,8 +136,6 @@ def _fill_missing(
 
 
 AnyArray = npt.NDArray[Any]
-Float32Array = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
 
 # What the reference takes for zero: the least normal float32, compared with areas and squared
 # lengths of things that are at most about 1.

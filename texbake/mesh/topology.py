@@ -18,13 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int64]
 
 # Faces or vertices per band.
 _BAND = 1 << 16
@@ -93,11 +90,11 @@ class EdgeNeighbors:
     """Pairs of faces at the edges of exactly two faces."""
 
     # first, second: (n,) int64; the faces of each edge.
-    first: npt.NDArray[np.int64]
-    second: npt.NDArray[np.int64]
+    first: Int64Array
+    second: Int64Array
     agree: BoolArray  # whether they are wound alike: they run along the edge in opposite directions
     # (m,) int64; the faces at all edges that have one face, or more than two; maybe repeated.
-    at_other_edges: npt.NDArray[np.int64]
+    at_other_edges: Int64Array
 
 
 def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
@@ -112,12 +109,12 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     return EdgeNeighbors(first[:n_pairs], second[:n_pairs], agree[:n_pairs], others[:n_others])
 
 
-def edge_keys(tails: npt.NDArray[Any], heads: npt.NDArray[Any]) -> Indices:
+def edge_keys(tails: npt.NDArray[Any], heads: npt.NDArray[Any]) -> Int64Array:
     """(...) int64 numbers of half-edges, equal for those of one edge, in the order of its ends."""
     return np.asarray(np.minimum(tails, heads).astype(np.int64) << 32 | np.maximum(tails, heads))
 
 
-def runs_of_keys(keys: Indices) -> tuple[Indices, Indices, Indices]:
+def runs_of_keys(keys: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
     """Sort keys; return the order, where each run of equal keys starts in it, and its length."""
     order = np.argsort(keys, kind="stable")
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
@@ -125,8 +122,8 @@ def runs_of_keys(keys: Indices) -> tuple[Indices, Indices, Indices]:
 
 
 def wind_alike(
-    n_faces: int, pairs: tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]], agree: BoolArray
-) -> tuple[npt.NDArray[np.int64], BoolArray]:
+    n_faces: int, pairs: tuple[Int64Array, Int64Array], agree: BoolArray
+) -> tuple[Int64Array, BoolArray]:
     """Find parts of neighbors, each numbered by its first face, and faces wound against that face.
 
     `pairs`, `agree` (n,): faces that are neighbors, and whether the two are wound alike. Returns
@@ -139,9 +136,7 @@ def wind_alike(
     return parts, flips
 
 
-def against_most(
-    parts: npt.NDArray[np.int64], flips: BoolArray, areas: npt.NDArray[np.float64]
-) -> BoolArray:
+def against_most(parts: Int64Array, flips: BoolArray, areas: FloatArray) -> BoolArray:
     """(F,) bool: faces wound against most of their part's area, or against its first face."""
     flipped = np.bincount(parts, areas * flips, len(parts))
     upright = np.bincount(parts, areas * ~flips, len(parts))
@@ -225,7 +220,7 @@ def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:
     return n_components - euler_characteristic(faces, edges) // 2
 
 
-def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> npt.NDArray[np.int64]:
+def edge_ids(corners: npt.NDArray[np.integer[Any]]) -> Int64Array:
     """(F, 3) int64 numbers of the undirected edges from each corner to the next, from 0."""
     tails, heads = corners.astype(np.int32), np.roll(corners, -1, axis=1).astype(np.int32)
     ends = np.stack([np.minimum(tails, heads), np.maximum(tails, heads)], axis=2)
@@ -240,7 +235,7 @@ def next_half_edges(half_edges: npt.NDArray[np.integer]) -> npt.NDArray[np.integ
 def opposite_half_edges(
     corners: IntArray,
     *,
-    solid: npt.NDArray[np.bool_] | None = None,
+    solid: BoolArray | None = None,
     regions: IntArray | None = None,
     polygons: IntArray | None = None,
 ) -> IntArray:
@@ -284,9 +279,9 @@ def opposite_half_edges(
 
 
 def _pairs_within(
-    labels: IntArray, keys: npt.NDArray[np.int64]
+    labels: IntArray, keys: Int64Array
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Indices of pairs of equal keys with one label, where no third key is the same."""
+    """Int64Array of pairs of equal keys with one label, where no third key is the same."""
     order = np.lexsort((keys, labels))
     differs = (np.diff(keys[order]) != 0) | (np.diff(labels[order]) != 0)
     begins = np.flatnonzero(np.concatenate([[True], differs]))

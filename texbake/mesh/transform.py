@@ -15,14 +15,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.compose import transformed, turned_over
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_face_count
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh, UvSet, check_face_count
 from texbake.mesh.options import MOST_SUBDIVISIONS, UNITS, TransformOptions
 from texbake.mesh.polygons import Outlines, next_corners, outlines, triangulated
 from texbake.mesh.weld import unique_rows
@@ -91,9 +90,6 @@ def _rotation(axis: int, degrees: float) -> FloatArray:
     return matrix
 
 
-Indices = npt.NDArray[np.int64]
-
-
 def subdivide(mesh: MeshLike, levels: int = 1) -> Mesh:
     """Subdivide a mesh after Catmull and Clark."""
     mesh = as_mesh(mesh)
@@ -132,12 +128,8 @@ def _once(mesh: Mesh) -> Mesh:
 
 
 def _refined(
-    values: FloatArray,
-    ids: npt.NDArray[np.int32],
-    polygons: Outlines,
-    *,
-    keep_borders: bool = False,
-) -> tuple[FloatArray, Indices]:
+    values: FloatArray, ids: IntArray, polygons: Outlines, *, keep_borders: bool = False
+) -> tuple[FloatArray, Int64Array]:
     """Divide and smooth values at corners of polygons.
 
     `values` (n, K) float64; `ids` (F, 3) int32. Returns `values` (m, K) float64: those of vertices,
@@ -179,6 +171,6 @@ def _refined(
     return np.concatenate([points, edges, centers]), quads
 
 
-def _sums(numbers: Indices, rows: FloatArray, n: int) -> FloatArray:
+def _sums(numbers: Int64Array, rows: FloatArray, n: int) -> FloatArray:
     """(n, K) sums of the rows of each number."""
     return np.stack([np.bincount(numbers, column, n) for column in rows.T], axis=1)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects, object_groups
 from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
@@ -35,7 +35,7 @@ class TriangleTree:
     # out.
     order: IntArray
     # (N, 6) float32; least x, y, z, then greatest of each node, rounded outward.
-    boxes: npt.NDArray[np.float32]
+    boxes: Float32Array
     # (N, 2) int32; of a leaf the first of its faces in `order` and their number; of an inner node
     # the first of its two children, which are neighbors, and 0.
     nodes: IntArray

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.parallel import run_bands
 
 _PART_BITS = 4
@@ -92,7 +92,7 @@ def unique_corners(
     return values[kept].astype(np.float64), numbers.reshape(vertices.shape)
 
 
-def split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], IntArray]:
+def split_vertices(mesh: Mesh) -> tuple[Int64Array, Int64Array, IntArray]:
     """Split vertices so that each has one texture coordinate and one normal.
 
     Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
@@ -115,19 +115,19 @@ def split_vertices(mesh: Mesh) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.in
     is_copy = np.ones(len(places), np.bool_)
     is_copy[of_vertex] = False
     copies = places[is_copy]
-    corners: npt.NDArray[np.int64] = np.append(np.full(mesh.n_vertices, -1), copies)
+    corners: Int64Array = np.append(np.full(mesh.n_vertices, -1), copies)
     corners[vertices] = places[of_vertex]
     numbers = np.empty(len(firsts), np.int32)  # of the new vertex at its first corner
     numbers[corners[corners >= 0]] = np.flatnonzero(corners >= 0)
-    rows: npt.NDArray[np.int64] = np.append(
-        np.arange(mesh.n_vertices), mesh.faces.ravel()[copies]
-    ).astype(np.int64)
+    rows: Int64Array = np.append(np.arange(mesh.n_vertices), mesh.faces.ravel()[copies]).astype(
+        np.int64
+    )
     faces: IntArray = numbers[firsts].reshape(-1, 3)
     return rows, corners, faces
 
 
 def values_of_vertices(
-    values: npt.NDArray[Any], ids: IntArray, corners: npt.NDArray[np.int64]
+    values: npt.NDArray[Any], ids: IntArray, corners: Int64Array
 ) -> npt.NDArray[Any]:
     """(n, K) values of the `corners` that `split_vertices` returns; 0 where no face is."""
     by_vertex = values[ids.ravel()[corners]]
@@ -144,7 +144,7 @@ def without_copies(
     faces: IntArray,
     ids: npt.NDArray[np.integer],
     codes: npt.NDArray[np.unsignedinteger],
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Tell which faces to keep, so that no large stack of equal ones is left.
 
     Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
@@ -169,7 +169,7 @@ def without_copies(
     return kept
 
 
-def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> npt.NDArray[np.bool_]:
+def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> BoolArray:
     """(n,) bool: rows (n, K) that equal `n_kept` or more rows before them; one or two are kept."""
     firsts = weld_rows(rows)
     later = firsts != np.arange(len(rows))

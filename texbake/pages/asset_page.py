@@ -14,7 +14,7 @@ from texbake.baking.result import BakeResult, read_misses
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import BoolArray, Mesh
 from texbake.metadata import SPACE
 from texbake.pages.page import (
     as_json,
@@ -247,7 +247,7 @@ def _comparison(comparison: Comparison | None) -> dict[str, Any]:
     }
 
 
-def _missed(page: AssetPage) -> npt.NDArray[np.bool_] | None:
+def _missed(page: AssetPage) -> BoolArray | None:
     """Return the mask (H, W) of covered texels whose rays missed; None if it is unknown."""
     if page.baked is not None:
         return page.baked.missed

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from texbake.baking.result import BakedMap
 from texbake.errors import require_library
 from texbake.files import PathLike, scratch_folder
+from texbake.mesh.mesh import BoolArray, Float32Array
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.records import dataclass
 from texbake.texture.encoding import quantize_srgb, quantize_unsigned
@@ -23,12 +24,12 @@ MOST_BYTES = 7_500_000
 _SMALLEST = 256  # texels along a side; smaller maps are not scaled down
 
 
-def picture_codes(picture: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
+def picture_codes(picture: Float32Array) -> npt.NDArray[np.uint8]:
     """Return the sRGB codes (H, W, 3) uint8 of a linear picture, without alpha."""
     return np.asarray(quantize_srgb(picture[..., :3], 8), np.uint8)
 
 
-def png_of(picture: npt.NDArray[np.float32]) -> bytes:
+def png_of(picture: Float32Array) -> bytes:
     """Return a linear picture as the bytes of a PNG file."""
     return png_of_codes(picture_codes(picture), optimize=True)
 
@@ -113,7 +114,7 @@ def file_pictures(files: Mapping[str, PathLike], *, codings: Mapping[str, str]) 
     return pictures
 
 
-def miss_picture(missed: npt.NDArray[np.bool_]) -> str:
+def miss_picture(missed: BoolArray) -> str:
     """Return a data URI of a picture that is red where rays missed and transparent elsewhere."""
     PilImage = require_library("PIL.Image", "pictures of pages")
 

@@ -99,14 +99,13 @@ def angle_colors() -> list[str]:
     return [f"#{red:02x}{green:02x}{blue:02x}" for red, green, blue in codes.tolist()]
 
 
-Ints = npt.NDArray[np.int32]
 POSITION_STEPS = 65_535  # along the longest side of the box: far finer than a pixel
 # Half the number of steps along an axis of the octahedron: accurate to 0.06 degrees.
 DIRECTION_STEPS = 2_047
 UV_STEPS = 1 << 20  # 1/256 of a texel of a 4096² map
 
 
-def pack(arrays: Mapping[str, Ints], more: Mapping[str, object]) -> str:
+def pack(arrays: Mapping[str, IntArray], more: Mapping[str, object]) -> str:
     """Return integer arrays as base64 text."""
     head = {"arrays": {name: values.shape for name, values in arrays.items()}, **more}
     words = json.dumps(head, separators=(",", ":")).encode()
@@ -153,7 +152,7 @@ def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
     return pack(arrays, steps)
 
 
-def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
+def octahedral(directions: npt.NDArray[np.floating]) -> IntArray:
     """(N, 2): map unit vectors (N, 3) to an octahedron that is unfolded to a square."""
     vectors = np.asarray(directions, np.float64)
     sums = np.abs(vectors).sum(axis=1, keepdims=True)
@@ -167,14 +166,14 @@ def octahedral(directions: npt.NDArray[np.floating]) -> Ints:
     return np.asarray(np.rint(folded * DIRECTION_STEPS), np.int32)
 
 
-def _numbered(rows: IntArray) -> tuple[Ints, npt.NDArray[np.intp]]:
+def _numbered(rows: IntArray) -> tuple[IntArray, npt.NDArray[np.intp]]:
     """Number distinct rows in order of first use; also return the first row of each number."""
     firsts = weld_rows(rows)
     is_first = firsts == np.arange(len(firsts))
     return (np.cumsum(is_first) - 1)[firsts].astype(np.int32), np.flatnonzero(is_first)
 
 
-def _planes(values: Ints) -> bytes:
+def _planes(values: IntArray) -> bytes:
     """Return the bytes of zigzag-coded differences down the columns, grouped by significance."""
     steps = np.diff(values, axis=0, prepend=np.zeros((1, values.shape[1]), np.int32))
     codes = ((steps << 1) ^ (steps >> 31)).astype("<u4")

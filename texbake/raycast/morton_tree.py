@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.streamed.mesh import Chunk
 from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
@@ -37,8 +37,8 @@ class MortonTree:
     ids: IntArray  # (L, WIDTH) int32; faces of the mesh; -1 where there is none
     # (N, 6, WIDTH) float32; boxes of the children of each node: least x, y, z, then greatest. The
     # lowest level first, the root last.
-    nodes: npt.NDArray[np.float32]
-    starts: npt.NDArray[np.int64]  # (levels,) int64; first node of each level
+    nodes: Float32Array
+    starts: Int64Array  # (levels,) int64; first node of each level
     box: FloatArray  # (6,) float64; of all triangles: least x, y, z, then greatest
     # Whether its leaves are filled; otherwise rays load corners from the mesh, which in a large
     # tree takes less time than filling the leaves, and much less memory.

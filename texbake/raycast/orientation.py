@@ -17,14 +17,13 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import counted
 from texbake.mesh.compose import turned_over
 from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.topology import (
     EdgeNeighbors,
     against_most,
@@ -38,8 +37,6 @@ from texbake.mesh.weld import weld_rows
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayScene
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
 
 _SEED = 20140912
 _LOOKS_ACROSS = 24  # parallel rays along either side of a view

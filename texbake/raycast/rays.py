@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, frozen
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, frozen
 from texbake.records import dataclass
 
 NO_HIT = -1
@@ -78,12 +78,12 @@ class Rays(Rows):
 class RayHits(Rows):
     """The first hit of each ray, in the order of the rays."""
 
-    faces: npt.NDArray[np.int32]  # (n,) int32; face that was hit, `NO_HIT` for a miss
+    faces: IntArray  # (n,) int32; face that was hit, `NO_HIT` for a miss
     # (n, 2) float64; weights of the second and third corner of that face.
-    barycentrics: npt.NDArray[np.float64]
+    barycentrics: FloatArray
     # (n,) float64; along the ray from its origin, in local units; 0 for a miss.
-    distances: npt.NDArray[np.float64]
-    passed_back: npt.NDArray[np.bool_]  # whether the ray met a back face before the hit
+    distances: FloatArray
+    passed_back: BoolArray  # whether the ray met a back face before the hit
 
     @classmethod
     def misses(cls, n: int) -> RayHits:
@@ -115,10 +115,10 @@ class Hemispheres(Rows):
     points: FloatArray  # (n, 3) float64; on the surface
     # (n, 3) float32; unit shading normals; zero where there is none, and then the hemisphere hits
     # nothing.
-    axes: npt.NDArray[np.float32]
+    axes: Float32Array
     # (n, 3) float32; unit normals of the faces, on the side of the axis; the axis where a face has
     # no area.
-    planes: npt.NDArray[np.float32]
+    planes: Float32Array
     # (n,) uint32; hashes that select a set of directions for each hemisphere.
     set_ids: npt.NDArray[np.uint32]
 
@@ -134,7 +134,7 @@ class OcclusionRange(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def direction_sets(n_rays: int, n_parts: int = 1) -> npt.NDArray[np.float32]:
+def direction_sets(n_rays: int, n_parts: int = 1) -> Float32Array:
     """Sets of unit vectors about +z, with a density proportional to the cosine of the angle to it.
 
     Each set is a scrambled net: of its n points in the unit square exactly one lies in every cell
@@ -177,7 +177,7 @@ def scrambled_nets(n_sets: int, n_points: int) -> UintArray:
     return _mirrored(_permuted(mirrored[np.newaxis], seeds))
 
 
-def concentric_disk(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def concentric_disk(points: FloatArray) -> FloatArray:
     """Map points of the unit square, (..., 2) in (0, 1), to the unit disk, preserving areas."""
     x, y = np.moveaxis(2.0 * points - 1.0, -1, 0)
     wide = np.abs(x) > np.abs(y)

@@ -17,19 +17,16 @@ from collections.abc import Callable, Iterator
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.parallel import resolve_threads, run_bands
 from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.rays import N_COLUMNS, Hemispheres, OcclusionRange, RayHits, Rays, Rows
 from texbake.records import dataclass
-
-Float32Array = npt.NDArray[np.float32]
 
 BUNDLE_SIDE = 16  # texels along one side of a square whose rays are one bundle
 _RAYS_PER_BAND = 1 << 14
@@ -42,8 +39,8 @@ _BOX_SLACK = 1e-6
 class RayPlaces(Rows):
     """Where rays stand in a texture; those of each square of `BUNDLE_SIDE` follow each other."""
 
-    charts: npt.NDArray[np.int32]  # (n,) int32; rays of different charts are not in one bundle
-    cells: npt.NDArray[np.int32]  # (n, 2) int32; column and row
+    charts: IntArray  # (n,) int32; rays of different charts are not in one bundle
+    cells: IntArray  # (n, 2) int32; column and row
 
 
 # The rays of a band; without places, each is cast alone.

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.mesh import BoolArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.resolve import Frame
@@ -81,7 +81,7 @@ def view_errors(
 
 
 # A picture (H, W, 3), sRGB-coded, and the pixels (H, W) that its mesh touches.
-Picture = tuple[FloatImage, npt.NDArray[np.bool_]]
+Picture = tuple[FloatImage, BoolArray]
 
 
 def measure_closeness(
@@ -118,7 +118,7 @@ def measure_closeness(
 
 
 def _similarity(
-    first: FloatImage, second: FloatImage, seen: npt.NDArray[np.bool_], threads: int | None
+    first: FloatImage, second: FloatImage, seen: BoolArray, threads: int | None
 ) -> float:
     """Mean SSIM over the pixels that either mesh touches; NaN for pictures that are too small."""
     if np.array_equal(first[seen], second[seen]):

@@ -19,7 +19,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.topology import surface_side
 from texbake.parallel import resolve_threads, run_bands
@@ -109,7 +109,7 @@ class Comparison:
         """Return sRGB codes of `side_by_side`: (H', W'', 3) without the difference, and of all."""
         return sheets(*self._panels())
 
-    def _panels(self) -> tuple[list[Panel], npt.NDArray[np.bool_]]:
+    def _panels(self) -> tuple[list[Panel], BoolArray]:
         shown: list[tuple[Frame, str, Closeness | None]] = [
             (self.high_frame, self.names[0], None),
             (self.bare_frame, self.names[1], self.bare),

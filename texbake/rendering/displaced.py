@@ -56,7 +56,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -67,8 +67,6 @@ from texbake.rendering.options import RenderOptions
 MOST_CUTS = 23
 # Triangles per band of cutting; vertices or edges per band of measuring.
 _CUT_BAND, _BAND = 1 << 16, 1 << 15
-Floats = npt.NDArray[np.float32]
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +79,7 @@ class Pieces:
     ends: IntArray  # (E, 2): vertices of each edge
     base_faces: IntArray  # (F,): base triangle of each piece
     # (F, 3, 2): positions of the piece's corners on it, as weights of its second and third corner
-    base_weights: Floats
+    base_weights: Float32Array
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +88,7 @@ class Places:
 
     vertices: IntArray  # (S,): vertex at each place, counted from the first new one
     base_faces: IntArray  # (S,)
-    weights: Floats  # (S, 2): weights of the second and third corner
+    weights: Float32Array  # (S, 2): weights of the second and third corner
 
 
 def undivided_triangles(faces: IntArray) -> tuple[Pieces, Places]:
@@ -118,7 +116,7 @@ def undivided_triangles(faces: IntArray) -> tuple[Pieces, Places]:
     return pieces, places
 
 
-def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: int) -> Bools:
+def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: int) -> BoolArray:
     """(E,) bool: edges to cut, as many as a limit on the number of triangles allows.
 
     Selects the edges that are too long, and the longest edge of every triangle that is cut. If
@@ -146,7 +144,7 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
 
 
 def cut(
-    pieces: Pieces, marked: Bools, points: FloatArray, *, threads: int | None = None
+    pieces: Pieces, marked: BoolArray, points: FloatArray, *, threads: int | None = None
 ) -> tuple[Pieces, IntArray, Places]:
     """Cut edges in the middle, and subdivide the triangles that they belong to.
 

@@ -30,6 +30,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, OptionError
+from texbake.mesh.mesh import FloatArray
 from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.fragments import DrawnObject, Fragments, IncidentLight
@@ -231,7 +232,7 @@ class VisibleScene:
     modes: npt.NDArray[np.uint8]
     objects: frozenset[int]  # objects that are visible in some sample, and transparent objects
     # (h, w, 2): barycentric weights at each sample, if the scanline rasterizer was used
-    scanline_weights: npt.NDArray[np.float64] | None = None
+    scanline_weights: FloatArray | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,15 +18,12 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.records import dataclass
 from texbake.rendering.rasterize import World
 from texbake.rendering.scene.material import Material
-
-Floats = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +32,11 @@ class FragmentRows:
 
     faces: IntArray  # (n,): triangle of the world
     # (n, 2): column and row in pixels, (0, 0) at the upper left corner of the picture
-    places: Floats
+    places: Float32Array
     pixels: IntArray  # (n,): row and column of the pixel as one number, row * width + column
-    counts: Floats  # (n,): number of the pixel's samples that the fragment covers
+    counts: Float32Array  # (n,): number of the pixel's samples that the fragment covers
     # (O + 1,): fragments of object k are at starts[k] to starts[k + 1]
-    starts: npt.NDArray[np.int64]
+    starts: Int64Array
     # (rows * side, width * side): fragment of each sample, -1 where there is none
     of_samples: IntArray
 
@@ -89,11 +86,11 @@ def weights_at(
     width: int,
     height: int,
     face_ids: IntArray,
-    places: Floats,
+    places: Float32Array,
     *,
     affine: bool = False,
     wants_changes: bool = False,
-) -> tuple[FloatArray, npt.NDArray[np.bool_], Floats]:
+) -> tuple[FloatArray, BoolArray, Float32Array]:
     """Compute the barycentric weights of fragments.
 
     `clip_from_world` (4, 4) float64; `width`, `height`: size of the picture in pixels; `face_ids`
@@ -135,7 +132,7 @@ class DrawnObject:
     base_faces: IntArray | None = None
     # (F, 3, 2): barycentric position of each corner on that face, as weights of its second and
     # third corner. They are multiples of a power of 1/2, hence exact.
-    base_weights: Floats | None = None
+    base_weights: Float32Array | None = None
     # normals, normal_faces: shading normals of the drawn triangles, if subdivided
     normals: FloatArray | None = None
     normal_faces: IntArray | None = None
@@ -149,8 +146,8 @@ class DrawnObject:
         return sum(array.nbytes for array in arrays if array is not None)
 
     def on_base(
-        self, faces: IntArray, weights: FloatArray, changes: Floats
-    ) -> tuple[IntArray, FloatArray, Floats]:
+        self, faces: IntArray, weights: FloatArray, changes: Float32Array
+    ) -> tuple[IntArray, FloatArray, Float32Array]:
         """Convert weights on drawn triangles, and their derivatives, to faces of `mesh`."""
         if self.base_faces is None or self.base_weights is None:
             return faces, weights, changes
@@ -163,8 +160,8 @@ class DrawnObject:
 class IncidentLight:
     """Light of one lamp that arrives at fragments: one row per fragment, or one for all."""
 
-    directions: Floats  # (n or 1, 3): unit vectors to the light
-    radiance: Floats  # (n or 1, 3): light that a white surface facing the lamp reflects
+    directions: Float32Array  # (n or 1, 3): unit vectors to the light
+    radiance: Float32Array  # (n or 1, 3): light that a white surface facing the lamp reflects
     # Positions of the fragments on the lamp's cookie, which `dim` computes and `tint` uses
     on_cookie: Any = None
 
@@ -173,19 +170,19 @@ class IncidentLight:
 class SlotValues:
     """Slots of a material at fragments: colors (n or 1, 3), numbers (n or 1, 1); None if empty."""
 
-    base_color: Floats
-    specular: Floats | None = None
-    exponent: Floats | None = None
-    gloss: Floats | None = None
-    roughness: Floats | None = None
-    metalness: Floats | None = None
-    emission: Floats | None = None
-    opacity: Floats | None = None
-    occlusion: Floats | None = None
-    light_map: Floats | None = None
+    base_color: Float32Array
+    specular: Float32Array | None = None
+    exponent: Float32Array | None = None
+    gloss: Float32Array | None = None
+    roughness: Float32Array | None = None
+    metalness: Float32Array | None = None
+    emission: Float32Array | None = None
+    opacity: Float32Array | None = None
+    occlusion: Float32Array | None = None
+    light_map: Float32Array | None = None
 
 
-def _none_yet() -> Floats:
+def _none_yet() -> Float32Array:
     return np.empty((0, 3), np.float32)
 
 
@@ -203,28 +200,28 @@ class Fragments:
     weights: FloatArray
     # (n, 4): growth of `weights` for one pixel to the right, then for one pixel down; empty if the
     # plan has no derivatives
-    changes: Floats
+    changes: Float32Array
     # places, pixels, counts: as in `FragmentRows`
-    places: Floats
+    places: Float32Array
     pixels: IntArray
-    counts: Floats
-    back_facing: npt.NDArray[np.bool_]  # (n,): whether the triangle is seen from behind
+    counts: Float32Array
+    back_facing: BoolArray  # (n,): whether the triangle is seen from behind
     # (n, 3): in world space; empty until "positions" sets them
     positions: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
     # (n, 3): unit vectors; empty until "view directions" sets them
-    to_eye: Floats = field(default_factory=_none_yet)
+    to_eye: Float32Array = field(default_factory=_none_yet)
     # By the name of the set, None for the first: texture coordinates (n, 2), and du, dv for one
     # pixel to the right, then for one pixel down (n, 4), empty if the plan has no derivatives. Set
     # by "texture coordinates" and "further texture coordinates", moved by "parallax"
-    coordinates: dict[str | None, tuple[FloatArray, Floats]] = field(default_factory=dict)
+    coordinates: dict[str | None, tuple[FloatArray, Float32Array]] = field(default_factory=dict)
     # (n, 3): unit shading normals in world space, on the visible side; empty until "normals" or the
     # normal map sets them, changed by the bump map
-    normals: Floats = field(default_factory=_none_yet)
+    normals: Float32Array = field(default_factory=_none_yet)
     slots: SlotValues | None = None  # set by "slots"
     # (n, 3): outgoing light toward the camera
-    light: Floats = field(default_factory=_none_yet)
+    light: Float32Array = field(default_factory=_none_yet)
     # (n or 1,): unoccluded share of ambient and environment light
-    ambient_share: Floats = field(default_factory=lambda: np.ones(1, np.float32))
+    ambient_share: Float32Array = field(default_factory=lambda: np.ones(1, np.float32))
 
     @classmethod
     def on(
@@ -233,7 +230,7 @@ class Fragments:
         drawn: DrawnObject,
         faces: IntArray,
         weights: FloatArray,
-        changes: Floats,
+        changes: Float32Array,
         **others: Any,
     ) -> Fragments:
         """Return fragments on drawn triangles; without `others` they belong to no pixel."""
@@ -267,13 +264,13 @@ class Fragments:
         return self.slots
 
 
-def three_weights(weights: FloatArray) -> Floats:
+def three_weights(weights: FloatArray) -> Float32Array:
     """(n, 3) float32: weights of all corners, from those of the second and third."""
     second, third = weights.T
     return np.stack([1.0 - second - third, second, third], axis=1).astype(np.float32)
 
 
-def one_row(value: float | tuple[float, ...], channels: int) -> Floats:
+def one_row(value: float | tuple[float, ...], channels: int) -> Float32Array:
     """(1, channels) float32: a constant as a row for all fragments, at most `BRIGHTEST`."""
     row = np.empty((1, channels), np.float32)
     row[0] = np.clip(value, -BRIGHTEST, BRIGHTEST)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import require_library
+from texbake.mesh.mesh import BoolArray, FloatArray
 from texbake.records import dataclass
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage
@@ -60,14 +61,14 @@ def color_angles(angles_deg: FloatImage) -> FloatImage:
     return colors
 
 
-def side_by_side(panels: Sequence[Panel], seen: npt.NDArray[np.bool_]) -> FloatImage:
+def side_by_side(panels: Sequence[Panel], seen: BoolArray) -> FloatImage:
     """(H', W', 3): pictures in a row, in linear light, cropped to the pixels that are seen."""
     levels = decode_srgb(np.arange(256, dtype=np.float32) / 255.0).astype(np.float32)
     return np.asarray(levels[sheets(panels, seen)[-1]])
 
 
 def sheets(
-    panels: Sequence[Panel], seen: npt.NDArray[np.bool_]
+    panels: Sequence[Panel], seen: BoolArray
 ) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
     """Codes in sRGB, cropped, of all pictures but the last in a row, and of all."""
     require_library("PIL", "text in pictures")
@@ -101,13 +102,13 @@ def sheets(
     return codes[:, :-step], codes
 
 
-def _ramp(levels: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+def _ramp(levels: npt.NDArray[np.floating]) -> FloatArray:
     """(..., 3): sRGB colors for levels from 0 to 1."""
     knots = np.linspace(0.0, 1.0, len(_RAMP))
     return np.stack([pm.interp(levels, knots, _RAMP[:, k]) for k in range(3)], axis=-1)
 
 
-def _crop(seen: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
+def _crop(seen: BoolArray) -> tuple[slice, slice]:
     """Rows and columns of the visible pixels, with a margin of 4 % of the longer side."""
     if not seen.any():
         return slice(0, seen.shape[0]), slice(0, seen.shape[1])

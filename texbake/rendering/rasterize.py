@@ -29,7 +29,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -43,7 +43,7 @@ class World:
 
     positions: FloatArray  # (V, 3)
     faces: IntArray  # (F, 3): front faces are counter-clockwise
-    starts: npt.NDArray[np.int64]  # (O + 1,): faces of object k are at starts[k] to starts[k + 1]
+    starts: Int64Array  # (O + 1,): faces of object k are at starts[k] to starts[k + 1]
 
     @property
     def n_faces(self) -> int:
@@ -62,7 +62,7 @@ class VisibilityBuffer:
 
     face_ids: IntArray  # (h, w): index of the nearest triangle in the world; -1 where there is none
     # (h, w): reversed depth z / w (greater is nearer); 0 where there is no triangle
-    depths: npt.NDArray[np.float32]
+    depths: Float32Array
 
     @property
     def n_bytes(self) -> int:
@@ -107,7 +107,7 @@ def project(
     height: int,
     *,
     threads: int | None = None,
-) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+) -> tuple[IntArray, Float32Array]:
     """Vertices (V, 2) on the grid, `OFF_GRID` outside of the guard band, and depths z / w (V,)."""
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
@@ -146,11 +146,11 @@ def _sorted_into_bands(
     world: World,
     modes: npt.NDArray[np.uint8],
     clip_from_world: FloatArray,
-    grid: npt.NDArray[np.int32],
+    grid: IntArray,
     size: tuple[int, int],
     window: Window,
     threads: int | None,
-) -> tuple[IntArray, npt.NDArray[np.int64]]:
+) -> tuple[IntArray, Int64Array]:
     """Faces of each band of rows, ascending; band b has those at starts[b] to starts[b + 1]."""
     n_rows, n_columns = window.shape
     n_faces, n_bands = world.n_faces, -(-n_rows // BAND_ROWS)

@@ -20,12 +20,11 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.effect import Plan
@@ -170,7 +169,7 @@ class Sums:
         )  # fmt: skip
 
     def finish(
-        self, behind: npt.NDArray[np.float32] | None, *, threads: int | None = None
+        self, behind: Float32Array | None, *, threads: int | None = None
     ) -> tuple[FloatImage, FloatImage, FloatImage | None]:
         """Divide by samples, in place; return color over `behind`, coverage and normals."""
         layer = np.zeros((1, 1, 3), np.float32)
@@ -186,9 +185,7 @@ class Sums:
         return self.color, self.coverage, normals
 
 
-def picture_error(
-    picture: FloatImage, truth: FloatImage, where: npt.NDArray[np.bool_] | None = None
-) -> float:
+def picture_error(picture: FloatImage, truth: FloatImage, where: BoolArray | None = None) -> float:
     """Root mean square difference of linear pictures in the 255 steps of an 8-bit screen."""
     difference = 255.0 * (
         encode_srgb(picture[..., :3]).astype(np.float64) - encode_srgb(truth[..., :3])

@@ -22,10 +22,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, IntArray
 from texbake.records import dataclass
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.images import image_of
@@ -106,7 +105,7 @@ class Texels:
 
     faces: IntArray
     places: FloatArray
-    colors: npt.NDArray[np.float32]
+    colors: Float32Array
     clip_from_texture: FloatArray
     size: tuple[int, int]
     along: FloatArray
@@ -115,7 +114,7 @@ class Texels:
 
 
 # Sums of colors by weight, the weights, and the number of texels, each by pixel.
-Sums = tuple[FloatArray, FloatArray, npt.NDArray[np.int64]]
+Sums = tuple[FloatArray, FloatArray, Int64Array]
 
 
 def _project_texels(state: RenderState, target: int) -> Texels:
@@ -154,7 +153,7 @@ def _project_texels(state: RenderState, target: int) -> Texels:
 
 def _on_screen(
     state: RenderState, target: int, texels: Texels, places: FloatArray
-) -> tuple[IntArray, FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[IntArray, FloatArray, BoolArray]:
     """Pixel of points of texels, -1 outside the picture; their depth; and whether they are seen."""
     width, height = state.options.width, state.options.height
     homogeneous = np.column_stack([places, np.ones(len(places))])
@@ -173,7 +172,7 @@ def _on_screen(
     return pixels, depth, inside & in_front & _faces_camera(state, target)[texels.faces]
 
 
-def _faces_camera(state: RenderState, target: int) -> npt.NDArray[np.bool_]:
+def _faces_camera(state: RenderState, target: int) -> BoolArray:
     """(F,) bool: whether the camera may see a triangle of an object."""
     drawn = state.drawn(target)
     if state.visible.modes[target] == SHOW_BACK:

@@ -12,13 +12,10 @@ from functools import cached_property
 from importlib import import_module
 from typing import Any, TypeVar
 
-import numpy as np
-import numpy.typing as npt
-
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mapping.unwrap import unwrap
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Float32Array, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.shapes import icosphere, orange
 from texbake.mesh.simplify import simplify
@@ -47,7 +44,7 @@ class Evaluation:
 
     error: float  # 0 or more, in the unit of the knob
     # (H, W, 3) float32; a crop that shows it, in linear light.
-    picture: npt.NDArray[np.float32] | None = None
+    picture: Float32Array | None = None
     # What else was measured, by names that include the unit: `missed texels (%)`.
     figures: Mapping[str, float] = field(default_factory=dict)
 

@@ -13,11 +13,9 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-
-FloatArray = npt.NDArray[np.float64]
+from texbake.mesh.mesh import FloatArray
 
 # Directions in turns, the best first, and distances in heights of a label.
 _TURNS = (1 / 8, 7 / 8, 3 / 8, 5 / 8, 0.0, 1 / 2, 1 / 4, 3 / 4, 1 / 16, 15 / 16, 7 / 16, 9 / 16)

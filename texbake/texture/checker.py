@@ -10,10 +10,10 @@ from __future__ import annotations
 import string
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.mapping.layout_view import text_coverage
+from texbake.mesh.mesh import Float32Array
 from texbake.mesh.oklch import linear_from_oklch
 
 MAX_CELLS = len(string.ascii_uppercase)
@@ -24,7 +24,7 @@ _CHROMA = 0.11
 _LEAST_NAMED_PX = 14  # smaller cells have no room for a name
 
 
-def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.NDArray[np.float32]:
+def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> Float32Array:
     """Draw a checker whose cells each have a name and a color.
 
     Parameters
@@ -69,7 +69,7 @@ def checker_image(size: int | tuple[int, int] = 1024, n_cells: int = 8) -> npt.N
     return image
 
 
-def _name(cell: npt.NDArray[np.float32], name: str) -> None:
+def _name(cell: Float32Array, name: str) -> None:
     """Draw a name in the middle of a cell, and a mark in its corner at the least u and v."""
     height, width = cell.shape[:2]
     if min(height, width) < _LEAST_NAMED_PX:

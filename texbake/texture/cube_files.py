@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileError, FileFormatError, OptionError, require_known
 from texbake.files import PathLike, check_folder, check_writable, is_folder
+from texbake.mesh.mesh import Float32Array
 from texbake.records import dataclass
 from texbake.texture.cube_lookup import from_latitude_longitude, resize_cube, to_latitude_longitude
 from texbake.texture.cube_map import CubeMap
@@ -47,7 +48,7 @@ def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
     return seen
 
 
-def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> npt.NDArray[np.float32]:
+def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> Float32Array:
     """(3 S, 4 S, C) cross of an unfolded cube map, 0 outside the faces."""
     faces = in_convention(cube.faces, convention)
     size = cube.size
@@ -64,7 +65,7 @@ def is_cross(picture: npt.NDArray[Any]) -> bool:
 
 
 def cube_of_cross(
-    picture: npt.NDArray[np.float32], *, convention: str = "opengl", name: str = "image"
+    picture: Float32Array, *, convention: str = "opengl", name: str = "image"
 ) -> CubeMap:
     """Fold a picture of 4 x 3 faces into a cube map."""
     if not is_cross(picture):

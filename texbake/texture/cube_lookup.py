@@ -31,6 +31,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known, require_least
+from texbake.mesh.mesh import Float32Array
 from texbake.parallel import run_bands
 from texbake.texture.cube_map import CubeChain, CubeMap, shrink_cube, texel_directions, without_gaps
 from texbake.texture.lookup import require_image
@@ -50,7 +51,7 @@ def sample_cube(
     *,
     filter: str = "bilinear",  # noqa: A002  # what the field calls it
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Sample a cube map by direction, without seams between its faces.
 
     `directions` (n, 3) float32, in world space, of any length; `levels` (n,) float32. Returns (n,
@@ -113,7 +114,7 @@ def from_latitude_longitude(
 
 def to_latitude_longitude(
     cube: CubeMap, *, height: int | None = None, threads: int | None = None
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """(height, 2 height, C) latitude-longitude image of a cube map."""
     height = 2 * cube.size if height is None else height
     require_least("height", height)
@@ -128,7 +129,7 @@ def to_latitude_longitude(
     return out
 
 
-def _with_wide_texels(image: npt.NDArray[np.float32], width_rad: float) -> npt.NDArray[np.float32]:
+def _with_wide_texels(image: Float32Array, width_rad: float) -> Float32Array:
     """Average rows of an image over at least `width_rad` radians along its circle of latitude.
 
     The mean of each row is preserved. Rows whose texels are wide enough are unchanged.

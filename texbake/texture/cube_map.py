@@ -28,6 +28,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -51,7 +52,7 @@ class CubeMap:
 
     # (6, S, S, C) float32: faces +x, -x, +y, -y, +z and -z, linear, row 0 at the top (t = 0).
     # Read-only. Values that are not finite are replaced by 0, so that no filter can spread them.
-    faces: npt.NDArray[np.float32]
+    faces: Float32Array
 
     def __post_init__(self) -> None:
         faces = np.asarray(self.faces, np.float32)
@@ -74,7 +75,7 @@ class CubeMap:
         return int(self.faces.shape[3])
 
     @cached_property
-    def bordered(self) -> npt.NDArray[np.float32]:
+    def bordered(self) -> Float32Array:
         """Faces with a border of one texel, (6, S + 2, S + 2, C), for lookups; computed once."""
         side = self.size + 2
         bordered = np.empty((6, side, side, self.n_channels), np.float32)
@@ -88,13 +89,13 @@ class CubeMap:
         return cls(np.asarray(views, np.float32)[:, :, ::-1])
 
 
-def without_gaps(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def without_gaps(values: Float32Array) -> Float32Array:
     """Replace NaN and infinities, which filters would spread, by 0; copy only if there are any."""
     finite = np.isfinite(values)
     return values if finite.all() else np.where(finite, values, np.float32(0.0))
 
 
-def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
+def cube_face_axes(face: int) -> FloatArray:
     """Return the axes of the 90 degree camera that renders a face from the center of the cube.
 
     Returns (3, 3) float64.
@@ -106,22 +107,20 @@ def cube_face_axes(face: int) -> npt.NDArray[np.float64]:
     """
     if not 0 <= face < 6:
         raise OptionError(f"face: {face} is not a face of a cube; the faces are 0 to 5")
-    axes: npt.NDArray[np.float64] = -FACE_AXES[face]
+    axes: FloatArray = -FACE_AXES[face]
     return axes
 
 
-def face_directions(size: int) -> npt.NDArray[np.float64]:
+def face_directions(size: int) -> FloatArray:
     """(6, size, size, 3) directions through texel centers, their largest component 1 or -1."""
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     t, s = np.meshgrid(along, along, indexing="ij")
-    directions: npt.NDArray[np.float64] = pm.matmul(
-        np.stack([s, t, np.ones_like(s)], 2), FACE_AXES[:, None]
-    )
+    directions: FloatArray = pm.matmul(np.stack([s, t, np.ones_like(s)], 2), FACE_AXES[:, None])
     return directions
 
 
 @lru_cache(maxsize=16)
-def texel_directions(size: int) -> npt.NDArray[np.float32]:
+def texel_directions(size: int) -> Float32Array:
     """Return unit directions through all texel centers, (6, size, size, 3) float32, read-only."""
     directions = face_directions(size)
     directions /= pm.norm(directions, axis=-1, keepdims=True)
@@ -131,7 +130,7 @@ def texel_directions(size: int) -> npt.NDArray[np.float32]:
 
 
 @lru_cache(maxsize=16)
-def solid_angles(size: int) -> npt.NDArray[np.float64]:
+def solid_angles(size: int) -> FloatArray:
     """(size, size) exact steradians of the texels of a face; six faces sum to 4 pi."""
     edges = np.linspace(-1.0, 1.0, size + 1)
     x, y = np.meshgrid(edges, edges)
@@ -143,9 +142,7 @@ def solid_angles(size: int) -> npt.NDArray[np.float64]:
     return angles
 
 
-def locate_directions(
-    directions: npt.NDArray[np.float64],
-) -> tuple[npt.NDArray[Any], npt.NDArray[np.float64]]:
+def locate_directions(directions: FloatArray) -> tuple[npt.NDArray[Any], FloatArray]:
     """Face (...) int64, of the first largest component, and (s, t) right and down, (..., 2)."""
     heights = pm.matmul(directions, FACE_AXES[:, 2].T)
     faces = np.argmax(heights, axis=-1)
@@ -154,7 +151,7 @@ def locate_directions(
     return faces, (across / largest + 1.0) / 2.0
 
 
-def fill_bordered(faces: npt.NDArray[np.float32], out: npt.NDArray[np.float32]) -> None:
+def fill_bordered(faces: Float32Array, out: Float32Array) -> None:
     """Copy faces (6, S, S, C) into `out`, (6, S + 2, S + 2, C), with neighbors as border."""
     out[:, 1:-1, 1:-1] = faces
     for side, (neighbors, rows, columns) in zip(
@@ -198,10 +195,10 @@ class CubeChain:
 
     # (N, C) float32; all levels one after another, each as six faces with a border of one texel,
     # rows from top to bottom. Read-only.
-    texels: npt.NDArray[np.float32]
-    offsets: npt.NDArray[np.int64]  # (L,) int64; index of the first texel of each level
+    texels: Float32Array
+    offsets: Int64Array  # (L,) int64; index of the first texel of each level
     # (L,) int64; side of a face of each level in texels, without the border.
-    sizes: npt.NDArray[np.int64]
+    sizes: Int64Array
 
     def __post_init__(self) -> None:
         for name in "texels", "offsets", "sizes":

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, OptionError, require_known, require_library
 from texbake.files import PathLike, replacing
+from texbake.mesh.mesh import Float32Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, unit_normals
@@ -56,7 +57,7 @@ _BAND_BLOCKS = 1 << 13
 
 
 def write_dds(
-    values: npt.NDArray[np.float32],
+    values: Float32Array,
     path: PathLike,
     *,
     block_format: str,
@@ -94,7 +95,7 @@ def write_dds(
 
 
 def _codes(
-    level: npt.NDArray[np.float32], kind: str, convention: str, threads: int | None
+    level: Float32Array, kind: str, convention: str, threads: int | None
 ) -> npt.NDArray[np.uint8]:
     """Return (H, W, 4) codes of a level, padded to multiples of 4 by repeating the last texel."""
     if kind == "normal":

@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.parallel import run_bands
 
 _CONVENTIONS = ("opengl", "directx")
@@ -35,12 +36,12 @@ _BAND = 1 << 19
 def _quantized(
     values: npt.NDArray[Any],
     bits: int,
-    factors: npt.NDArray[np.float64],
-    offsets: npt.NDArray[np.float64],
+    factors: FloatArray,
+    offsets: FloatArray,
     threads: int | None,
     *,
-    lows: npt.NDArray[np.float64] | None = None,
-    sizes: npt.NDArray[np.float64] | None = None,
+    lows: FloatArray | None = None,
+    sizes: FloatArray | None = None,
     noise: float = 0.0,
 ) -> npt.NDArray[Any]:
     """Quantize values with a factor and an offset per channel, in units of a code.
@@ -109,7 +110,7 @@ def quantize_srgb(
 
 
 @cache
-def _srgb_thresholds(bits: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint16]]:
+def _srgb_thresholds(bits: int) -> tuple[Float32Array, npt.NDArray[np.uint16]]:
     """Least linear value of each sRGB code from 1 on, and the code where each half word begins.
 
     The codes are those of `encode_srgb`, so that the thresholds lie a few floats beside the exact
@@ -133,8 +134,8 @@ def _srgb_thresholds(bits: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np
 
 def quantize_points(
     points: npt.NDArray[Any],
-    low: npt.NDArray[np.float64],
-    high: npt.NDArray[np.float64],
+    low: FloatArray,
+    high: FloatArray,
     bits: int,
     *,
     threads: int | None = None,
@@ -146,7 +147,7 @@ def quantize_points(
 
 
 def color_ids(
-    ids: npt.NDArray[np.float32], colors: npt.NDArray[Any], *, threads: int | None = None
+    ids: Float32Array, colors: npt.NDArray[Any], *, threads: int | None = None
 ) -> npt.NDArray[Any]:
     """Give each of the ids (H, W) its color, (n, 3) uint8 or uint16: (H, W, 3); NaN the first."""
     flat = np.ascontiguousarray(ids).reshape(-1)
@@ -160,11 +161,11 @@ def color_ids(
     return codes.reshape(*ids.shape, 3)
 
 
-def unit_normals(vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def unit_normals(vectors: Float32Array) -> Float32Array:
     """Normalize mean normals (..., 3); (0, 0, 1) where they cancel out."""
     lengths = pm.norm(vectors, axis=-1, keepdims=True)
     lost = ~(lengths > 0)
-    unit: npt.NDArray[np.float32] = np.where(
+    unit: Float32Array = np.where(
         lost, np.array([0, 0, 1], np.float32), vectors / np.where(lost, 1, lengths)
     )
     return unit
@@ -196,7 +197,7 @@ def encode_normals(
 
 def decode_normals(
     pixels: npt.NDArray[Any], *, convention: str = "opengl", threads: int | None = None
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Decode the colors of a normal map, 2x - 1, and normalize the vectors.
 
     A flat 8-bit texel (128, 128, 255) decodes to 0.318 degrees off the axis, as in renderers,
@@ -249,15 +250,13 @@ def encode_heights(
     return codes[..., 0]
 
 
-def decode_heights(
-    pixels: npt.NDArray[Any], *, mid: float, scale: float
-) -> npt.NDArray[np.float32]:
+def decode_heights(pixels: npt.NDArray[Any], *, mid: float, scale: float) -> Float32Array:
     """Decode codes or levels in [0, 1] to signed distances (h - mid) * scale in model units."""
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
     return ((np.asarray(pixels, np.float64) / top - mid) * scale).astype(np.float32)
 
 
-def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
+def encode_srgb(linear: npt.ArrayLike) -> Float32Array:
     """Convert linear values to sRGB values in [0, 1]; values outside [0, 1] are clipped."""
     light = np.clip(np.asarray(linear, np.float32), 0.0, 1.0)
     return np.where(
@@ -267,7 +266,7 @@ def encode_srgb(linear: npt.ArrayLike) -> npt.NDArray[np.float32]:
     ).astype(np.float32)
 
 
-def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def decode_srgb(values: npt.ArrayLike) -> FloatArray:
     """Convert sRGB values in [0, 1] to linear values in [0, 1]."""
     values = np.asarray(values, np.float64)
     return np.where(values <= 0.04045, values / 12.92, pm.power((values + 0.055) / 1.055, 2.4))

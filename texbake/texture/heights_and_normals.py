@@ -29,6 +29,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -48,7 +49,7 @@ _ACROSS = {"central": (0, 16, 0), "sobel": (4, 8, 4), "scharr": (3, 10, 3)}
 
 def height_to_normal(
     heights: Image | npt.NDArray[Any], options: HeightToNormalOptions | None = None
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Compute the tangent-space normals of a height field.
 
     Parameters
@@ -108,7 +109,7 @@ def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptio
     return float(scale)
 
 
-def _height_field(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+def _height_field(values: npt.NDArray[Any]) -> FloatArray:
     """Return an array (H, W) or (H, W, 1) as float64 (H, W)."""
     field = np.asarray(values, np.float64)
     field = field[..., 0] if field.ndim == 3 and field.shape[2] == 1 else field
@@ -117,21 +118,21 @@ def _height_field(values: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
     return field
 
 
-def _extended(field: npt.NDArray[np.float64], wrap: str) -> npt.NDArray[np.float64]:
+def _extended(field: FloatArray, wrap: str) -> FloatArray:
     """Add a row above and one below."""
     if wrap == "repeat":
         return np.concatenate([field[-1:], field, field[:1]])
     return np.concatenate([_row_before(field), field, _row_before(field[::-1])])
 
 
-def _row_before(field: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _row_before(field: FloatArray) -> FloatArray:
     """Extrapolate the row before the first (1, W), by the parabola or line through the next."""
     if len(field) >= 3:
         return 3.0 * field[:1] - 3.0 * field[1:2] + field[2:3]
     return 2.0 * field[:1] - field[1:2] if len(field) == 2 else field
 
 
-def _difference(extended: npt.NDArray[np.float64], derivative: str) -> npt.NDArray[np.float64]:
+def _difference(extended: FloatArray, derivative: str) -> FloatArray:
     """Return the slope along rows, for texels of width 1; one texel less on each side."""
     across = extended[1:-1]
     before, here, after = (weight / 16.0 for weight in _ACROSS[derivative])
@@ -139,8 +140,6 @@ def _difference(extended: npt.NDArray[np.float64], derivative: str) -> npt.NDArr
         across = before * extended[:-2] + here * across + after * extended[2:]
     return (across[:, 2:] - across[:, :-2]) / 2.0
 
-
-FloatArray = npt.NDArray[np.float64]
 
 # Steeper or overhanging surfaces count as this steep: a z of 1 in 100 is 1.5 codes of 8 bits, below
 # which a slope is nothing but rounding.
@@ -153,7 +152,7 @@ class HeightField:
 
     # (H, W) float32: in the unit of the options' width. Their mean is 0, because normals do not
     # determine it.
-    heights: npt.NDArray[np.float32]
+    heights: Float32Array
     # number of normals too steep for a height field, or not finite, which count as flat
     n_steep: int
     # root mean square difference between the slopes of the heights, as the method computes them,
@@ -203,7 +202,7 @@ def normal_to_height(
     return HeightField(heights.astype(np.float32), n_steep, error)
 
 
-def _decoded(image: Image, convention: str | None) -> npt.NDArray[np.float32]:
+def _decoded(image: Image, convention: str | None) -> Float32Array:
     space = image.metadata.get(SPACE, "tangent")
     if space != "tangent":
         raise FileFormatError(

@@ -22,6 +22,7 @@ import numpy.typing as npt
 from texbake.errors import FileError, FileFormatError, OptionError, quoted, require_library
 from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
+from texbake.mesh.mesh import Float32Array
 from texbake.metadata import Value, from_description, is_png, png_description, to_description
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -55,7 +56,7 @@ class Image:
     """Pixels of an image file, also by `np.asarray` and in notebooks, with metadata and format."""
 
     # (H, W, C) float32: linear values. Integer codes are scaled to [0, 1].
-    pixels: npt.NDArray[np.float32]
+    pixels: Float32Array
     # metadata of the map; empty for other images
     metadata: dict[str, Value] = field(default_factory=dict)
     bits: int = 32  # bits per channel in the file: 8, 16 or 32
@@ -234,7 +235,7 @@ def _n_color_channels(n_channels: int) -> int:
     return n_channels - 1 if n_channels in (2, 4) else n_channels
 
 
-def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> npt.NDArray[np.float32]:
+def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> Float32Array:
     """Return the linear values of codes, from a table of all codes."""
     levels = np.arange(max_code(8 * codes.itemsize) + 1) / max_code(8 * codes.itemsize)
     n_colors = _n_color_channels(codes.shape[2]) if color else 0

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from texbake.arrays import DAMAGE, read_array_file
 from texbake.errors import FileFormatError, OptionError, one_line, quoted, require_library
 from texbake.files import PathLike, appearing_together, make_folder, replacing, require_file
+from texbake.mesh.mesh import Float32Array
 from texbake.metadata import (
     CONVENTION,
     DISPLACEMENT_MID,
@@ -72,7 +73,7 @@ def suffix_like(source: Image) -> str:
     return suffix if suffix in (".tga", ".tif", ".tiff") else ".png"
 
 
-def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> int | None:
+def bits_for(path: PathLike, pixels: Float32Array, source: Image) -> int | None:
     """Bits per channel that keep the precision of a source; None for the default of the format."""
     wanted = 32 if source.is_float else source.bits
     if Path(path).suffix.lower() == ".exr":
@@ -83,7 +84,7 @@ def bits_for(path: PathLike, pixels: npt.NDArray[np.float32], source: Image) -> 
         return None
 
 
-def clipped_share(path: PathLike, pixels: npt.NDArray[np.float32], bits: int | None) -> float:
+def clipped_share(path: PathLike, pixels: Float32Array, bits: int | None) -> float:
     """Return the share of the values that an integer format clips to [0, 1]."""
     if holds_floats(path, check_image_format(path, bits, color=True)):
         return 0.0
@@ -219,7 +220,7 @@ def encoding_of(codes: npt.NDArray[np.uint8], encoding: str) -> str:
     return "png" if encoding == "jpeg" and codes.shape[2] == 4 else encoding
 
 
-def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32]:
+def read_volume(source: PathLike | Sequence[PathLike]) -> Float32Array:
     """Read a volume (D, H, W, 1 or 3) float32."""
     if not isinstance(source, str | os.PathLike):
         slices = [read_image(path, color=False).pixels[:, :, :1] for path in source]
@@ -246,7 +247,7 @@ def read_volume(source: PathLike | Sequence[PathLike]) -> npt.NDArray[np.float32
             "channels"
         )
     divisor = np.iinfo(array.dtype).max if array.dtype.kind in "ui" else 1
-    volume: npt.NDArray[np.float32] = (array / divisor).astype(np.float32)
+    volume: Float32Array = (array / divisor).astype(np.float32)
     if not np.isfinite(volume).all():
         raise FileFormatError(f"{source}: a value is not finite")
     return volume

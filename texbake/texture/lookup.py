@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import OptionError, quoted, require_known
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.parallel import run_bands
 
 # As in `core/texture_lookup.h`.
@@ -58,7 +59,7 @@ def wrap_pair(wrap: Wrap) -> tuple[str, str]:
     return along_u, along_v
 
 
-def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[np.float32]:
+def border_values(border: npt.ArrayLike | None, n_channels: int) -> Float32Array:
     """(C,) float32 values outside an image with a border, one per channel."""
     out = np.empty(n_channels, np.float32)
     try:
@@ -70,7 +71,7 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> npt.NDArray[
     return out
 
 
-def row_of_v(v: npt.NDArray[np.float64], height: float) -> npt.NDArray[np.float64]:
+def row_of_v(v: FloatArray, height: float) -> FloatArray:
     """Return the continuous row, down from the top edge, of a v that goes up from the bottom edge.
 
     Its own inverse on the unit square: `row_of_v(row / height, 1.0)` is the v of a row. The kernels
@@ -79,9 +80,7 @@ def row_of_v(v: npt.NDArray[np.float64], height: float) -> npt.NDArray[np.float6
     return (1.0 - v) * height
 
 
-def texel_coordinates(
-    uvs: npt.NDArray[np.float64], width: int, height: int
-) -> npt.NDArray[np.float64]:
+def texel_coordinates(uvs: FloatArray, width: int, height: int) -> FloatArray:
     """Convert texture coordinates to texels.
 
     `uvs` (..., 2) float64; `width`, `height`: size of the image in texels. Returns (..., 2)
@@ -97,7 +96,7 @@ def texel_coordinates(
         return np.stack([uvs[..., 0] * width, row_of_v(uvs[..., 1], height)], axis=-1)
 
 
-def require_image(image: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def require_image(image: npt.NDArray[Any]) -> Float32Array:
     """(H, W, C) float32, contiguous; `OptionError` for another shape."""
     image = np.require(image, np.float32, ["C", "A"])
     if image.ndim != 3 or image.size == 0:
@@ -112,7 +111,7 @@ def lookup(
     wrap: Wrap = "repeat",
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Sample (H, W, C), linear, row 0 at the top, bilinearly at uvs (..., 2)."""
     code = wrap_codes(wrap)
     image = require_image(image)
@@ -130,11 +129,8 @@ _RAMP_BAND = 1 << 18
 
 
 def ramp_lookup(
-    stops: npt.NDArray[Any],
-    values: npt.NDArray[Any],
-    *,
-    threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+    stops: npt.NDArray[Any], values: npt.NDArray[Any], *, threads: int | None = None
+) -> Float32Array:
     """Look up colors of a ramp, interpolated between its stops.
 
     `stops` (k, C) float32, linear colors at 0, 1 / (k - 1), ..., 1; `values` (n,) float32, outside
@@ -172,7 +168,7 @@ def volume_lookup(
     filter: str = "trilinear",  # noqa: A002  # what the field calls it
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Sample (D, H, W, C) at points (n, 3); a constant volume gives exactly its constant."""
     code = wrap_code(wrap)
     require_known("filter", filter, VOLUME_FILTERS)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, check_folder, check_writable, is_folder
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.texture.encoding import decode_normals, encode_normals, unit_normals
 from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, suffix_like, write_images
@@ -48,7 +49,7 @@ def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     return picture
 
 
-def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def roughness_of_lengths(lengths: npt.NDArray[Any]) -> Float32Array:
     """Return the roughness of a surface from the lengths of its averaged unit normals.
 
     `lengths` (...) float32. Returns (...) float32.
@@ -61,7 +62,7 @@ def roughness_of_lengths(lengths: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
     r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
     # 2 / kappa, which is unbounded at r = 0.
     alpha_squared = 2 * (1 - r**2) / np.maximum(3 * r - r**3, np.finfo(np.float64).tiny)
-    roughness: npt.NDArray[np.float64] = np.sqrt(np.sqrt(np.minimum(alpha_squared, 1.0)))
+    roughness: FloatArray = np.sqrt(np.sqrt(np.minimum(alpha_squared, 1.0)))
     return roughness.astype(np.float32)
 
 

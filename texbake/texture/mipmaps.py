@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.lookup import MIRROR, REPEAT, Wrap, require_image, wrap_code, wrap_pair
@@ -41,9 +42,9 @@ class MipChain:
     """An image and its mip levels, finest first."""
 
     # (N, C) float32: all levels one after another, rows from top to bottom. Read-only.
-    texels: npt.NDArray[np.float32]
-    offsets: npt.NDArray[np.int64]  # (L,) int64: index of the first texel of each level
-    sizes: npt.NDArray[np.int64]  # (L, 2) int64: height and width of each level
+    texels: Float32Array
+    offsets: Int64Array  # (L,) int64: index of the first texel of each level
+    sizes: Int64Array  # (L, 2) int64: height and width of each level
 
     def __post_init__(self) -> None:
         for name in "texels", "offsets", "sizes":
@@ -71,7 +72,7 @@ class MipChain:
         """Height of the finest level in texels."""
         return int(self.sizes[0, 0])
 
-    def level(self, index: int) -> npt.NDArray[np.float32]:
+    def level(self, index: int) -> Float32Array:
         """Return the (H, W, C) values of one level, a view of the chain's memory."""
         height, width = (int(size) for size in self.sizes[index])
         first = int(self.offsets[index])
@@ -134,7 +135,7 @@ def mip_chain(
     return chain
 
 
-def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _unit_vectors(image: Float32Array) -> Float32Array:
     if image.shape[2] != 3:
         raise OptionError(f"image: {image.shape[2]} channels are not a normal map; give 3")
     # Divide by the largest component first, because its square may overflow float32.
@@ -146,7 +147,7 @@ def _unit_vectors(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return vectors
 
 
-def _level_sizes(height: int, width: int) -> npt.NDArray[np.int64]:
+def _level_sizes(height: int, width: int) -> Int64Array:
     n_levels = max(height, width).bit_length()
     return np.array(
         [[max(height >> level, 1), max(width >> level, 1)] for level in range(n_levels)], np.int64
@@ -158,7 +159,7 @@ def _taps(
     smaller: int,
     filter: str,  # noqa: A002
     wrap: int,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+) -> tuple[Int64Array, Float32Array]:
     """(smaller, T) texels that each texel of a smaller level averages on an axis, and weights."""
     places = np.arange(smaller)[:, None]
     if filter == "box" or size == smaller:
@@ -182,13 +183,13 @@ def _taps(
     return _packed(_wrapped_indices(indices, size, wrap), weights)
 
 
-def _sinc(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _sinc(x: FloatArray) -> FloatArray:
     """sin(pi x) / (pi x), 1 at 0."""
     turns = np.pi * np.where(x == 0.0, 1e-20, x)
     return np.asarray(pm.sin(turns) / turns)
 
 
-def _bessel_i0(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _bessel_i0(x: FloatArray) -> FloatArray:
     """Modified Bessel function of order 0, by its power series; exact to rounding up to x = 10."""
     term = total = np.ones_like(x)
     for k in range(1, 32):
@@ -197,13 +198,11 @@ def _bessel_i0(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return total
 
 
-def _packed(
-    indices: npt.NDArray[np.int64], weights: npt.NDArray[np.float64]
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.float32]]:
+def _packed(indices: Int64Array, weights: FloatArray) -> tuple[Int64Array, Float32Array]:
     return np.ascontiguousarray(indices), np.ascontiguousarray(weights, np.float32)
 
 
-def _wrapped_indices(indices: npt.NDArray[np.int64], size: int, wrap: int) -> npt.NDArray[np.int64]:
+def _wrapped_indices(indices: Int64Array, size: int, wrap: int) -> Int64Array:
     if wrap == REPEAT:
         return indices % size
     if wrap == MIRROR:
@@ -213,8 +212,8 @@ def _wrapped_indices(indices: npt.NDArray[np.int64], size: int, wrap: int) -> np
 
 
 def _reduce(
-    level: npt.NDArray[np.float32],
-    out: npt.NDArray[np.float32],
+    level: Float32Array,
+    out: Float32Array,
     filter: str,  # noqa: A002
     wraps: tuple[int, int],
     threads: int | None,

@@ -20,6 +20,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import OptionError, quoted
 from texbake.mesh.interchange import plain_array
+from texbake.mesh.mesh import BoolArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -37,13 +38,13 @@ class NearestOwners:
 
     # (H, W) int32; flat index (row * W + column) of the nearest owner within the padding, -1 if
     # there is none. A texel that a chart owns has its own index.
-    indices: npt.NDArray[np.int32]
+    indices: IntArray
     # Number of texels outside all charts that lie within the padding of two charts or more.
     n_meeting: int
 
 
 def nearest_owner(
-    chart_ids: npt.NDArray[np.int32], padding: int, *, threads: int | None = None
+    chart_ids: IntArray, padding: int, *, threads: int | None = None
 ) -> NearestOwners:
     """Find the nearest owner of each texel, up to `padding` texels away.
 
@@ -79,7 +80,7 @@ FloatImage = npt.NDArray[np.float32]
 
 
 def push_pull(
-    values: npt.NDArray[Any], mask: npt.NDArray[np.bool_], *, threads: int | None = None
+    values: npt.NDArray[Any], mask: BoolArray, *, threads: int | None = None
 ) -> FloatImage:
     """Fill texels (H, W, C) outside `mask` smoothly; inside, they stay bit-equal."""
     level = np.array(values, np.float32)
@@ -162,9 +163,7 @@ def fill(
     )
 
 
-def _smooth(
-    values: npt.NDArray[Any], mask: npt.NDArray[np.bool_], threads: int | None
-) -> npt.NDArray[Any]:
+def _smooth(values: npt.NDArray[Any], mask: BoolArray, threads: int | None) -> npt.NDArray[Any]:
     """Return what `push_pull` does; numbers that float32 cannot hold are filled in parts."""
     if np.can_cast(values.dtype, np.float32):
         return push_pull(values, mask, threads=threads)
@@ -185,8 +184,8 @@ def _smooth(
 
 
 def _pushed(
-    values: FloatImage, mask: npt.NDArray[np.bool_], threads: int | None
-) -> tuple[FloatImage, npt.NDArray[np.bool_]]:
+    values: FloatImage, mask: BoolArray, threads: int | None
+) -> tuple[FloatImage, BoolArray]:
     """Return the next coarser level, of half the size rounded up, and the mask of valid texels."""
     height, width = (values.shape[0] + 1) // 2, (values.shape[1] + 1) // 2
     coarse = np.empty((height, width, values.shape[2]), np.float32)
@@ -196,9 +195,7 @@ def _pushed(
     return coarse, coarse_mask
 
 
-def _pull(
-    values: FloatImage, mask: npt.NDArray[np.bool_], coarse: FloatImage, threads: int | None
-) -> None:
+def _pull(values: FloatImage, mask: BoolArray, coarse: FloatImage, threads: int | None) -> None:
     """Fill `values` in place, outside `mask`, from the next coarser level."""
     work = partial(core.pull_texels, values, mask, coarse)
     run_bands(work, len(values), band=_FILL_BAND, threads=threads)

@@ -25,10 +25,10 @@ import math
 from functools import lru_cache, partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import require_least
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.parallel import run_bands
 from texbake.texture.cube_lookup import resize_cube
 from texbake.texture.cube_map import (
@@ -91,7 +91,7 @@ def specular_levels(
     return CubeChain.of(levels)
 
 
-def hammersley(n_points: int) -> npt.NDArray[np.float64]:
+def hammersley(n_points: int) -> FloatArray:
     """Return evenly spread points (n, 2) in the unit square: (i + 1/2) / n, and i bit-reversed.
 
     Examples
@@ -106,7 +106,7 @@ def hammersley(n_points: int) -> npt.NDArray[np.float64]:
     return np.stack([(np.arange(n_points) + 0.5) / n_points, reverse], axis=1)
 
 
-def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.float64]:
+def _lobe(roughness: float, samples: int, source: CubeChain) -> FloatArray:
     """(n, 5): x, y, z, level of the source and weight, for a lobe seen along its normal, z."""
     points = hammersley(samples)
     alpha2 = roughness**4
@@ -128,9 +128,7 @@ def _lobe(roughness: float, samples: int, source: CubeChain) -> npt.NDArray[np.f
     return np.ascontiguousarray(np.stack(lobe, axis=1)[cosine > 0])
 
 
-def _rough(
-    source: CubeChain, lobe: npt.NDArray[np.float64], size: int, threads: int | None
-) -> CubeMap:
+def _rough(source: CubeChain, lobe: FloatArray, size: int, threads: int | None) -> CubeMap:
     """Average a cube map over a lobe about the direction of each texel."""
     normals = texel_directions(size).reshape(-1, 3)
     out = np.empty((len(normals), source.n_channels), np.float32)
@@ -146,7 +144,7 @@ _RIM_POWER = 3
 
 
 @lru_cache(maxsize=4)
-def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
+def split_sum_table(size: int = 64) -> Float32Array:
     """Return the scale and bias of F0 by n·v and roughness.
 
     A surface with the specular color F0 reflects the prefiltered light times F0 scale + bias.
@@ -156,12 +154,12 @@ def split_sum_table(size: int = 64) -> npt.NDArray[np.float32]:
     require_least("size", size)
     centers = (np.arange(size) + 0.5) / size
     rows = [_scales_and_biases(roughness**2, centers) for roughness in centers]
-    table: npt.NDArray[np.float32] = np.array(rows, np.float32)
+    table: Float32Array = np.array(rows, np.float32)
     table.flags.writeable = False
     return table
 
 
-def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _scales_and_biases(alpha: float, cosines: FloatArray) -> FloatArray:
     """Return scale and bias (n, 2) by n·v in (0, 1]."""
     points = hammersley(_TABLE_SAMPLES)
     view_z = cosines[:, None]
@@ -198,7 +196,7 @@ def _scales_and_biases(alpha: float, cosines: npt.NDArray[np.float64]) -> npt.ND
     return np.stack([(weight * (1 - fresnel)).mean(1), (weight * fresnel).mean(1)], axis=1)
 
 
-def _root(alpha: float, cosine: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _root(alpha: float, cosine: FloatArray) -> FloatArray:
     """Return the square root in Smith's functions for GGX."""
-    root: npt.NDArray[np.float64] = np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2)
+    root: FloatArray = np.sqrt(alpha**2 + (1 - alpha**2) * cosine**2)
     return root

@@ -30,6 +30,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known, require_least
+from texbake.mesh.mesh import Float32Array
 from texbake.parallel import run_bands
 from texbake.texture.lookup import Wrap, border_values, wrap_codes
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
@@ -74,7 +75,7 @@ def sample(
     border: npt.ArrayLike | None = None,
     max_anisotropy: float = 16.0,
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Sample an image at texture coordinates.
 
     `uvs` (n, 2) float64; `derivatives` (n, 4) float32: du/dx, dv/dx, du/dy, dv/dy, the changes from
@@ -128,7 +129,7 @@ def sample_texture(
     border: npt.ArrayLike | None = None,
     max_anisotropy: float = 16.0,
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Sample an image or a mip chain at texture coordinates of any shape.
 
     `texture` (H, W, C) float32 or MipChain, linear values; `uvs` (..., 2) float64; `derivatives`
@@ -164,7 +165,7 @@ def sample_texture(
 
 def mip_levels(
     derivatives: npt.NDArray[Any], width: int, height: int, *, threads: int | None = None
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """(n,) mip level that `trilinear` reads, by derivatives (n, 4); negative if magnified."""
     changes = _readable(derivatives, np.float32, 4, "derivatives")
     out = np.empty(len(changes), np.float32)

@@ -14,18 +14,17 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import OptionError
+from texbake.mesh.mesh import BoolArray, Float32Array, Int64Array
 from texbake.parallel import run_bands
 from texbake.texture.encoding import max_code
-
-IntArray = npt.NDArray[np.int64]
 
 # Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
 
 
 def channel_ranges(
-    values: npt.NDArray[Any], covered: npt.NDArray[np.bool_], *, threads: int | None = None
-) -> npt.NDArray[np.float32]:
+    values: npt.NDArray[Any], covered: BoolArray, *, threads: int | None = None
+) -> Float32Array:
     """(C, 2) least and greatest finite values of covered texels; (inf, -inf) without any."""
     rows, texels = _of_texels(values, covered)
     nothing = np.tile(np.array([np.inf, -np.inf], np.float32), (rows.shape[1], 1))
@@ -43,7 +42,7 @@ def channel_ranges(
 
 def height_range(
     heights: npt.NDArray[Any],
-    covered: npt.NDArray[np.bool_],
+    covered: BoolArray,
     *,
     bits: int = 16,
     mid: float | None = None,
@@ -65,7 +64,7 @@ def height_range(
 
 def count_clipped(
     heights: npt.NDArray[Any],
-    covered: npt.NDArray[np.bool_],
+    covered: BoolArray,
     *,
     mid: float,
     scale: float,
@@ -85,17 +84,13 @@ def count_clipped(
 
 
 def size_at_percentile(
-    values: npt.NDArray[np.float32],
-    covered: npt.NDArray[np.bool_],
-    percentile: float,
-    *,
-    threads: int | None = None,
+    values: Float32Array, covered: BoolArray, percentile: float, *, threads: int | None = None
 ) -> float:
     """Size that a percentage of covered values do not exceed, interpolated; 0 without any."""
     rows, texels = _of_texels(values, covered)
 
-    def counts_of(count: Callable[[npt.NDArray[np.int64], int, int], None]) -> IntArray:
-        parts: list[IntArray] = []
+    def counts_of(count: Callable[[Int64Array, int, int], None]) -> Int64Array:
+        parts: list[Int64Array] = []
 
         def work(start: int, stop: int) -> None:
             part = np.zeros(1 << 16, np.int64)
@@ -129,9 +124,7 @@ def size_at_percentile(
     return float(low + (high - low) * np.float32(along))
 
 
-def _of_texels(
-    values: npt.NDArray[Any], covered: npt.NDArray[np.bool_]
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+def _of_texels(values: npt.NDArray[Any], covered: BoolArray) -> tuple[Float32Array, BoolArray]:
     """Return values (H, W) or (H, W, C) as (n, C), and which texels are covered as (n,)."""
     texels = np.require(covered, np.bool_, ["C", "A"]).reshape(-1)
     n_channels = values.size // max(len(texels), 1)

@@ -25,11 +25,11 @@ from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions, fitting_padding
-from texbake.mapping.seams import BoolArray, regions_between
+from texbake.mapping.seams import regions_between
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
 from texbake.records import dataclass

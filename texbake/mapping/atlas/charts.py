@@ -12,10 +12,10 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
-from texbake.mapping.seams import BoolArray, chart_ids
+from texbake.mapping.seams import chart_ids
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import UnitGrid
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass

@@ -35,7 +35,7 @@ from texbake.mapping.corner_uvs import Projected, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.topology import edge_ids
 from texbake.mesh.weld import weld_rows
@@ -43,7 +43,6 @@ from texbake.records import dataclass
 
 N_SIDES = 6
 
-BoolArray = npt.NDArray[np.bool_]
 
 DEFAULT_SIDE = 4  # +z, the front
 

@@ -26,7 +26,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mapping.classical.frames import (
@@ -40,7 +39,7 @@ from texbake.mapping.classical.frames import (
 from texbake.mapping.corner_uvs import Projected, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.shared import Vector
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import face_normals
 
 # Directions about the axis in which the farthest corners are sought.
@@ -137,12 +136,7 @@ def _of_polygons(
 
 
 def _with_caps(
-    mesh: Mesh,
-    options: UnwrapOptions,
-    local: LocalPoints,
-    *,
-    side: npt.NDArray[np.bool_],
-    above: npt.NDArray[np.bool_],
+    mesh: Mesh, options: UnwrapOptions, local: LocalPoints, *, side: BoolArray, above: BoolArray
 ) -> Projected:
     """Map the side by angles and heights, and the caps by planes, above the side."""
     corners = np.empty((mesh.n_faces, 3, 2))
@@ -203,7 +197,7 @@ def height_ends(local: LocalPoints, faces: IntArray, options: UnwrapOptions) -> 
     return (first, last) if last - first > local.rounding else (first, first)
 
 
-def _mean_radius(local: LocalPoints, faces: IntArray, side: npt.NDArray[np.bool_]) -> float:
+def _mean_radius(local: LocalPoints, faces: IntArray, side: BoolArray) -> float:
     """Mean distance of the side's corners, or all, from the axis, by areas; 1 if all are on it."""
     points = local.points[faces[side] if side.any() else faces]
     areas = surface_areas(points)

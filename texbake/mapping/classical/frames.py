@@ -27,14 +27,13 @@ from texbake.core import portable_math as pm
 from texbake.mapping.options.projection import AXES
 from texbake.mapping.options.shared import Vector
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh, frozen
 from texbake.records import dataclass
 
 # As a share of the largest coordinate: half a unit in the last place for the coordinate, the
 # center, their difference, and each step of the rotation into the frame.
 _ROUNDING = 8.0 * 2.0**-53
 
-BoolArray = npt.NDArray[np.bool_]
 
 # In turns: the rounding of angles, by which opposite points may miss half a turn.
 _ANGLE_ROUNDING = 2.0**-50

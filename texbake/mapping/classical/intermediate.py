@@ -20,7 +20,6 @@ Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and A
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mapping.classical.box import side_pictures
@@ -28,10 +27,8 @@ from texbake.mapping.classical.cylindrical import height_ends, onto_sphere
 from texbake.mapping.classical.frames import LocalPoints, wrap_angles
 from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
 
 # How far the plane and the cylinder extend beyond the mesh, in lengths of the mesh.
 _EXTENT = 4.0
@@ -202,8 +199,6 @@ def _left_round(
     return met, missed
 
 
-SideArray = npt.NDArray[np.int64]
-
 _ROUNDING = 2.0**-40  # of unit vectors, and of distances: of sides as near, the first is taken
 
 # Axes of the box in the frame: its pictures have the axis up and e1 as the front.
@@ -268,7 +263,7 @@ class Box:
         sides = 2 * axes + (np.take_along_axis(chosen, axes[:, None], axis=1)[:, 0] < 0.0)
         return Projected(corners=side_pictures(corners, sides, self.half, self.options))
 
-    def _sides(self, points: FloatArray, directions: FloatArray) -> SideArray:
+    def _sides(self, points: FloatArray, directions: FloatArray) -> Int64Array:
         """(N,) int64: side where each ray leaves the box; the nearest side without a direction."""
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             gaps = np.copysign(self.half, directions) - points
@@ -283,7 +278,7 @@ class Box:
         return np.asarray(2 * axes + (ahead < 0.0))
 
 
-def _first_least(values: FloatArray, slack: float = 0.0) -> SideArray:
+def _first_least(values: FloatArray, slack: float = 0.0) -> Int64Array:
     """(N,) int64: the first column that is the least of its row but for rounding."""
     least = values.min(axis=1, keepdims=True)
     with np.errstate(invalid="ignore"):  # infinite

@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
@@ -23,7 +22,7 @@ from texbake.mapping.classical.frames import LocalPoints, center_of, points_abou
 from texbake.mapping.corner_uvs import Projected, surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.projection import AXES
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.mesh.normals import AREA_ROUNDING
 
 # Relative to the sum of variances. A smaller difference between two of them is rounding, also of
@@ -63,7 +62,7 @@ def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
     )
 
 
-def _placed(local: LocalPoints, mesh: Mesh, aside: npt.NDArray[np.bool_] | None) -> FloatArray:
+def _placed(local: LocalPoints, mesh: Mesh, aside: BoolArray | None) -> FloatArray:
     """(F, 3, 2): points in the plane, scaled to the unit square, or to halves with `aside`."""
     used = local.points[:, :2][mesh.faces]
     low = np.array([used[:, :, i].min() for i in (0, 1)])
@@ -79,7 +78,7 @@ def _placed(local: LocalPoints, mesh: Mesh, aside: npt.NDArray[np.bool_] | None)
     return corners
 
 
-def _facing(local: LocalPoints, mesh: Mesh) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
+def _facing(local: LocalPoints, mesh: Mesh) -> tuple[BoolArray, BoolArray]:
     """(F,) bool each: faces that look away from the viewer, and faces seen edge-on."""
     x, y = local.points[:, 0][mesh.faces], local.points[:, 1][mesh.faces]
     ux, uy = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]

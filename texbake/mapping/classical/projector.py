@@ -30,7 +30,7 @@ from texbake.files import PathLike
 from texbake.mapping.corner_uvs import Projected
 from texbake.mesh.files.source import parse_row, read_lines
 from texbake.mesh.frame import LocalFrame, unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from texbake.mapping.options import UnwrapOptions
     from texbake.mapping.options.shared import Matrix
 
-BoolArray = npt.NDArray[np.bool_]
 
 # Margin around the bounding sphere, as in previews.
 _MARGIN = 1.03
@@ -199,7 +198,7 @@ def mostly_hidden(
     seen_from: FloatArray,
     *,
     threads: int | None = None,
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Find the faces of which other faces hide more than half of their four samples.
 
     Kernel: `core/ray_occlusion.c`.

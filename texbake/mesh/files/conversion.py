@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from texbake.errors import MeshError, OptionError, UvError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.metadata import CONVENTION, SIGNATURE, SPACE, from_description, png_description
 
@@ -72,20 +72,20 @@ def warn_unused(path: PathLike, count: str) -> None:
     warn_of(path, f"{count} vertices are not finite; no face uses them, and they are left out")
 
 
-def rows_not_finite(rows: npt.NDArray[Any]) -> npt.NDArray[np.bool_]:
+def rows_not_finite(rows: npt.NDArray[Any]) -> BoolArray:
     """(n,) whether each row has a number that is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(rows.sum()):  # a finite sum has only finite terms
             return np.zeros(len(rows), np.bool_)
-    is_bad: npt.NDArray[np.bool_] = ~np.isfinite(rows).all(axis=1)
+    is_bad: BoolArray = ~np.isfinite(rows).all(axis=1)
     return is_bad
 
 
-def _count(is_bad: npt.NDArray[np.bool_]) -> str:
+def _count(is_bad: BoolArray) -> str:
     return f"{np.count_nonzero(is_bad):,} of {len(is_bad):,}"
 
 
-def unit_colors(path: PathLike, colors: FloatArray) -> npt.NDArray[np.float32]:
+def unit_colors(path: PathLike, colors: FloatArray) -> Float32Array:
     """Colors in [0, 1], whole numbers up to 255 divided by 255; white where they are not finite."""
     known = colors[~rows_not_finite(colors)]
     if known.max(initial=0.0) > 1.0 and (known == np.round(known)).all():
@@ -111,7 +111,7 @@ def far_origin(mesh: Mesh) -> FloatArray:
 _HARMLESS = 1e-7
 
 
-def float32_positions(mesh: Mesh, origin: FloatArray) -> npt.NDArray[np.float32]:
+def float32_positions(mesh: Mesh, origin: FloatArray) -> Float32Array:
     """Positions about an origin, as formats hold them."""
     exact = mesh.positions - origin
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):

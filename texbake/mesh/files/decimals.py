@@ -17,7 +17,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import FileFormatError, quoted
 from texbake.mesh.files.source import ByteArray, line_number
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
 
 
 def _powers_of_five() -> npt.NDArray[np.uint64]:
@@ -40,9 +40,9 @@ class TextNumbers(NamedTuple):
     """Numbers of a text."""
 
     # (n,) float64; every number, in order; may be infinite or NaN where the text says so.
-    values: npt.NDArray[np.float64]
+    values: FloatArray
     # (m,) int64; index into `values` of the first number of each line that is not blank.
-    lines: npt.NDArray[np.int64]
+    lines: Int64Array
 
 
 def parse_numbers(
@@ -95,10 +95,7 @@ def write_rows(file: io.BufferedWriter, row_format: str, rows: FloatArray | IntA
 
 
 def write_lists(
-    file: io.BufferedWriter,
-    row_format: Callable[[int], str],
-    sizes: npt.NDArray[np.int64],
-    values: IntArray,
+    file: io.BufferedWriter, row_format: Callable[[int], str], sizes: Int64Array, values: IntArray
 ) -> None:
     """Write rows of several lengths: the format of a length takes as many rows of `values`."""
     ends = np.cumsum(sizes)

@@ -51,7 +51,7 @@ from texbake.mesh.files.fbx_scene import (
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.unread_parts import unread_parts, warn_of_fbx
 from texbake.mesh.hard_edges import Polygons, smoothed_normals
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, Int64Array, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners, unique_rows
 from texbake.records import dataclass
@@ -150,8 +150,7 @@ def uv_set_name(texture: FbxObject) -> str:
     return decode_name(value) if isinstance(value, bytes) else ""
 
 
-Indices = npt.NDArray[np.int64]
-_Layer = tuple[FloatArray, Indices]  # values, and the row of each corner
+_Layer = tuple[FloatArray, Int64Array]  # values, and the row of each corner
 _FIELDS = {"Normals": "normals", "UV": "uvs", "Colors": "colors"}
 
 
@@ -161,7 +160,7 @@ class FbxGeometry:
 
     fields: dict[str, Any]  # fields of `Mesh` but groups and name
     # (F,) int64; number of each triangle's material among those of the model.
-    face_materials: Indices
+    face_materials: Int64Array
     # Each (T, 2) float64; sets of texture coordinates after the first, by their names, in the rows
     # of the first.
     uv_sets: dict[str, FloatArray] = field(default_factory=dict)
@@ -183,7 +182,7 @@ class _GeometryReader:
         self.vertices = np.where(corners < 0, ~corners, corners)
         self.slots, self.polygons = self._triangles()
 
-    def _triangles(self) -> tuple[Indices, Indices]:
+    def _triangles(self) -> tuple[Int64Array, Int64Array]:
         """Corners and polygons of the triangles that are kept."""
         slots, polygons = triangulated(self.where, self.positions, self.vertices, self.sizes)
         is_bad = self.vertices >= len(self.positions)
@@ -235,7 +234,7 @@ class _GeometryReader:
         """Return the layer of the least number."""
         return min(self.node.named(layer), key=_number, default=None)
 
-    def _uv_sets(self, names: Collection[str]) -> tuple[dict[str, FloatArray], Indices]:
+    def _uv_sets(self, names: Collection[str]) -> tuple[dict[str, FloatArray], Int64Array]:
         """Sets by name, the first and those named, and the row of each corner in them all."""
         layers: dict[str, _Layer] = {}
         for layer in sorted(self.node.named("LayerElementUV"), key=_number):
@@ -303,7 +302,7 @@ class _GeometryReader:
             rows = numbers.astype(np.int64)
         return values, rows
 
-    def _places(self, node: Node) -> Indices | None:
+    def _places(self, node: Node) -> Int64Array | None:
         """(C,) element that each corner takes its value from."""
         mapping = node.child_text("MappingInformationType")
         if mapping == "ByPolygonVertex":
@@ -314,7 +313,7 @@ class _GeometryReader:
             return np.repeat(np.arange(len(self.sizes)), self.sizes)
         return np.zeros_like(self.vertices) if mapping == "AllSame" else None
 
-    def _materials(self) -> Indices:
+    def _materials(self) -> Int64Array:
         """(F,) material of each triangle."""
         node = self.node.child("LayerElementMaterial") or Node("")
         ids = _integers(node.numbers("Materials"))
@@ -330,7 +329,7 @@ def _floats(node: Node, name: str) -> FloatArray:
         return node.numbers(name).astype(np.float64)
 
 
-def _looked_up(table: Indices, places: Indices) -> Indices:
+def _looked_up(table: Int64Array, places: Int64Array) -> Int64Array:
     """Return the entries at the places, -1 where the table ends before."""
     found = np.full(places.shape, -1, np.int64)
     is_inside = places < len(table)
@@ -338,7 +337,7 @@ def _looked_up(table: Indices, places: Indices) -> Indices:
     return found
 
 
-def _integers(values: npt.NDArray[Any]) -> Indices:
+def _integers(values: npt.NDArray[Any]) -> Int64Array:
     """Return values as integers; any other value becomes an integer that no array has."""
     if values.dtype.kind in "iu":
         return values.astype(np.int64)

@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, quoted
@@ -40,7 +39,7 @@ from texbake.mesh.files.gltf_primitives import (
 )
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.files.unread_parts import warn_of_pose
-from texbake.mesh.mesh import FloatArray, Mesh, check_corner_count, require_few_sets
+from texbake.mesh.mesh import FloatArray, Int64Array, Mesh, check_corner_count, require_few_sets
 from texbake.records import dataclass
 
 MAX_TRIANGLES = 20_000_000
@@ -136,8 +135,8 @@ class SceneNodes:
     document: Document
     nodes: list[dict[str, Any]]  # the objects of the file
     # (n,) int64; place of each node's parent in the list; -1 for a root.
-    parents: npt.NDArray[np.int64]
-    levels: npt.NDArray[np.int64]  # (n,) int64; how many nodes stand above each
+    parents: Int64Array
+    levels: Int64Array  # (n,) int64; how many nodes stand above each
 
     def matrices(self) -> FloatArray:
         """(n, 4, 4) float64: the matrix of each node to the world."""

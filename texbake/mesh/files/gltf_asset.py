@@ -51,7 +51,7 @@ from texbake.mesh.materials import (
     Placing,
     is_sheared,
 )
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import FloatArray, Int64Array
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
 _COMPONENTS = {dtype.name: code for code, dtype in gltf.COMPONENTS.items()}
@@ -120,7 +120,7 @@ class GltfAsset:
         return len(self._json["meshes"]) - 1
 
     def add_primitive(
-        self, columns: dict[str, npt.NDArray[Any]], indices: npt.NDArray[np.int64], material: int
+        self, columns: dict[str, npt.NDArray[Any]], indices: Int64Array, material: int
     ) -> dict[str, Any]:
         """Add the arrays of a primitive, with (3 F,) indices, and return it."""
         attributes = {

@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from texbake.errors import MeshError, quoted, require_library
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, Int64Array, Mesh
 from texbake.records import dataclass
 
 EXTENSION = "EXT_meshopt_compression"
@@ -58,9 +58,7 @@ def encode_triangles(indices: npt.NDArray[Any], n_vertices: int) -> bytes:
     return bytes(meshoptimizer.encode_index_buffer(flat, len(flat), n_vertices))
 
 
-def ordered_triangles(
-    indices: npt.NDArray[np.int64], n_vertices: int
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def ordered_triangles(indices: Int64Array, n_vertices: int) -> tuple[Int64Array, Int64Array]:
     """Triangles in an order in which neighbors follow one another, and so compress to fewer bytes.
 
     `indices` (3 F,) int64. Returns `indices` (3 F,) int64, of vertices in the order in which the

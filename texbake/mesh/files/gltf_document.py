@@ -27,6 +27,7 @@ from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.source import ByteArray, Cursor, parsed, read_array, without_cycle_search
+from texbake.mesh.mesh import FloatArray
 from texbake.records import dataclass
 
 MAGIC = b"glTF"
@@ -129,7 +130,7 @@ class Document:
             self.fail(f"{quoted(key)} is {quoted(value)}, which is not a valid number")
         return float(value)
 
-    def numbers(self, owner: dict[str, Any], key: str, n: int) -> npt.NDArray[np.float64] | None:
+    def numbers(self, owner: dict[str, Any], key: str, n: int) -> FloatArray | None:
         """Return n numbers that an object holds, or None where it does not."""
         values = owner.get(key)
         if values is None:

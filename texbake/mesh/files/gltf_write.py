@@ -40,7 +40,7 @@ from texbake.mesh.files.gltf_compression import (
     unit_codes,
 )
 from texbake.mesh.materials import UNPLACED, Materials, Placing
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
 from texbake.mesh.weld import unique_rows
@@ -186,11 +186,11 @@ class CornerVertices:
     origin: FloatArray  # (3,) float64; of the positions that are written
     materials: Materials | None = None  # of the faces; None where they have none of their own
     quantization: Quantization | None = None  # of the file; None for float32
-    _tangents: dict[tuple[int, Placing], npt.NDArray[np.float32]] = field(default_factory=dict)
+    _tangents: dict[tuple[int, Placing], Float32Array] = field(default_factory=dict)
 
     def stream(
         self, faces: npt.NDArray[np.intp], material: int, *, compress: bool
-    ) -> tuple[Columns, npt.NDArray[np.int64]]:
+    ) -> tuple[Columns, Int64Array]:
         """Vertices of faces of one material, and the (3 F,) indices of their corners."""
         corners = self._columns(faces, material)
         if not all(np.isfinite(values).all() for values in corners.values()):
@@ -298,7 +298,7 @@ class CornerVertices:
         axes = image_axes(np.array(image.placing)[:, :2])
         return image.uv_set, UNPLACED if (axes == np.eye(2)).all() else image.placing
 
-    def _tangents_for(self, uv_set: int, placing: Placing) -> npt.NDArray[np.float32]:
+    def _tangents_for(self, uv_set: int, placing: Placing) -> Float32Array:
         """(F, 3, 4) tangents of the image on a set of uvs, however it is placed."""
         if self.mesh.tangents is not None:
             return self.mesh.tangents
@@ -314,7 +314,7 @@ class CornerVertices:
         return self._tangents[key]
 
 
-def _sound_tangents(tangents: npt.NDArray[np.float32], normals: FloatArray) -> FloatColumns:
+def _sound_tangents(tangents: Float32Array, normals: FloatArray) -> FloatColumns:
     """Unit tangents with w of 1 or -1; where there is none, some perpendicular to the normal."""
     # The coordinate axis that is least along the normal spans a plane with it.
     axes = np.eye(3)[np.abs(normals).argmin(axis=1)]

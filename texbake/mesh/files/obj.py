@@ -31,7 +31,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import FileFormatError, MeshError, warn_of
@@ -41,7 +40,7 @@ from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word
 from texbake.mesh.files.obj_write import read_uv_sets
 from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
 from texbake.mesh.hard_edges import Polygons, with_smoothing_groups
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.parallel import run_bands
 
@@ -111,9 +110,7 @@ def read_obj_text(path: PathLike) -> ByteArray:
     return text_of(path, read_array(path), "an OBJ file")
 
 
-def _read_colors(
-    path: PathLike, data: ByteArray, lines: Lines, n_words: IntArray
-) -> npt.NDArray[np.float32]:
+def _read_colors(path: PathLike, data: ByteArray, lines: Lines, n_words: IntArray) -> Float32Array:
     """(V, 3), or (V, 4) with alpha: colors behind the positions, white where there is none."""
     width = 4 if n_words.max() >= 7 else 3
     values = read_values(path, data, lines, V, 3 + width)[0]
@@ -179,8 +176,7 @@ def _read_groups(
     return groups, tuple(ids), tuple(numbers[name] for name in objects.values())
 
 
-Offsets = npt.NDArray[np.int64]
-Lines = tuple[Offsets, ...]  # one list of offsets a kind
+Lines = tuple[Int64Array, ...]  # one list of offsets a kind
 _KEYWORDS = ("v", "vt", "vn", "f")
 _BAND = 1 << 15  # lines
 
@@ -191,7 +187,7 @@ _WORD = re.compile(rb"(?:\\(?:\r\n|\r|\n)?|[\x00-\x09\x0b\x0c\x0e-\x20])*([^\x00
 
 
 def find_lines(data: ByteArray) -> Lines:
-    """Offsets of the statements of each kind: behind the keyword, at it for marks."""
+    """Int64Array of the statements of each kind: behind the keyword, at it for marks."""
     counts = np.zeros(5, dtype=np.int64)
     core.find_statements(data, False, counts, np.empty(0, dtype=np.int64))
     ends = np.cumsum(counts)
@@ -241,7 +237,7 @@ def _word_at(data: ByteArray, at: int) -> tuple[int, int]:
     return found.span(1) if found else (at, at)
 
 
-def _walk_lines(data: ByteArray, starts: Offsets, width: int) -> tuple[FloatArray, IntArray]:
+def _walk_lines(data: ByteArray, starts: Int64Array, width: int) -> tuple[FloatArray, IntArray]:
     values = np.zeros((len(starts), width))
     n_words = np.empty(len(starts), dtype=np.int32)
     run_bands(

@@ -18,7 +18,7 @@ from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, appearing_together, is_file, remove_file, replacing
 from texbake.mesh.files.decimals import write_lists, write_rows
-from texbake.mesh.mesh import IntArray, Mesh, UvSet
+from texbake.mesh.mesh import Int64Array, IntArray, Mesh, UvSet
 from texbake.mesh.polygons import Outlines, outlines, triangulated
 
 
@@ -86,7 +86,7 @@ def write_obj(
     write_uv_sets(mesh, path, polygons)
 
 
-def _corner_indices(mesh: Mesh, slots: npt.NDArray[np.int64]) -> IntArray:
+def _corner_indices(mesh: Mesh, slots: Int64Array) -> IntArray:
     """(C, n) indices from 1 of corners: position, and those that the mesh has."""
     indices = [mesh.faces]
     if mesh.uv_faces is not None:

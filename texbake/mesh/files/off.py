@@ -17,14 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
 from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_lists, write_rows
 from texbake.mesh.files.source import read_array, text_of
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
 
 # Comments and blank lines before the first word are skipped, and never divided in another way.
@@ -92,9 +91,7 @@ def _counts(path: PathLike, numbers: TextNumbers) -> tuple[int, int]:
     return int(counts[0]), int(counts[1])
 
 
-def _polygons(
-    path: PathLike, values: FloatArray, rows: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], IntArray]:
+def _polygons(path: PathLike, values: FloatArray, rows: Int64Array) -> tuple[Int64Array, IntArray]:
     """Sizes and corners of the face lines: a count, that many indices, and what follows them."""
     starts = rows[:-1]
     counts = values[starts]

@@ -36,7 +36,7 @@ from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_tr
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, read_header
 from texbake.mesh.files.source import read_array
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.weld import split_vertices, unique_corners, values_of_vertices
 
@@ -98,7 +98,7 @@ def read_ply(path: PathLike) -> Mesh:
     return Mesh(positions=positions, colors=colors, name=Path(path).name, **fields)
 
 
-def _sources(positions: FloatArray, vertices: Columns) -> npt.NDArray[np.int64] | None:
+def _sources(positions: FloatArray, vertices: Columns) -> Int64Array | None:
     """(V,) the row that each row is a copy of, itself if of none; None if no rows are copies."""
     copy_of = vertices.get(COPY_OF)
     n = len(positions)
@@ -127,9 +127,7 @@ def stack_columns(columns: Columns, names: tuple[str, ...]) -> FloatArray | None
     return stacked
 
 
-def read_colors(
-    path: PathLike, vertices: Columns, types: dict[str, str]
-) -> npt.NDArray[np.float32] | None:
+def read_colors(path: PathLike, vertices: Columns, types: dict[str, str]) -> Float32Array | None:
     """Vertex colors; those of an integer type are divided by 255, or for 16 bits by 65535."""
     names = COLOR_NAMES if "alpha" in vertices else COLOR_NAMES[:3]
     colors = stack_columns(vertices, names)
@@ -143,11 +141,7 @@ def read_colors(
 
 
 def _corner_fields(
-    path: PathLike,
-    positions: FloatArray,
-    polygons: Columns,
-    name: str,
-    sources: npt.NDArray[np.int64] | None,
+    path: PathLike, positions: FloatArray, polygons: Columns, name: str, sources: Int64Array | None
 ) -> dict[str, Any]:
     """Faces, and the texture coordinates and normals that corners have by themselves."""
     lists, has_own_values = polygons[name], any(own in polygons for own in CORNER_LISTS)
@@ -171,9 +165,7 @@ def _corner_fields(
     return fields
 
 
-def read_polygons(
-    path: PathLike, polygons: Columns, name: str
-) -> tuple[npt.NDArray[np.int64], IntArray]:
+def read_polygons(path: PathLike, polygons: Columns, name: str) -> tuple[Int64Array, IntArray]:
     """(P,) sizes of polygons, and (C,) int32 the vertices of their corners, from a column."""
     sizes, indices = _flattened(polygons[name])
     return sizes, _as_indices(path, indices)
@@ -189,9 +181,7 @@ def _strip_faces(path: PathLike, column: npt.NDArray[Any] | ListColumn) -> IntAr
     return kept
 
 
-def _flattened(
-    column: npt.NDArray[Any] | ListColumn,
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
+def _flattened(column: npt.NDArray[Any] | ListColumn) -> tuple[Int64Array, npt.NDArray[Any]]:
     """Length of each list, and all values after each other."""
     if isinstance(column, ListColumn):
         return column.sizes, column.values
@@ -280,9 +270,7 @@ def _write_rows(file: io.BufferedWriter, columns: list[tuple[str, npt.NDArray[An
         file.write(table.tobytes())
 
 
-def _write_lists(
-    file: io.BufferedWriter, count: str, sizes: npt.NDArray[np.int64], indices: IntArray
-) -> None:
+def _write_lists(file: io.BufferedWriter, count: str, sizes: Int64Array, indices: IntArray) -> None:
     """Write lists of indices, each behind its length in the type `count`."""
     ends = np.cumsum(sizes)
     width = int(count[1])

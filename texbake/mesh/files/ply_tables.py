@@ -19,6 +19,7 @@ from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.limits import whole_number
 from texbake.mesh.files.source import ByteArray
+from texbake.mesh.mesh import Int64Array
 from texbake.records import dataclass
 
 # numpy's code of each type, without byte order.
@@ -115,7 +116,7 @@ def _read_statements(path: PathLike, lines: list[str]) -> tuple[str | None, tupl
 class ListColumn:
     """Lists of several lengths: how long each is, and all values after each other."""
 
-    sizes: npt.NDArray[np.int64]
+    sizes: Int64Array
     values: npt.NDArray[Any]
 
 

@@ -20,7 +20,7 @@ from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import float32_positions
 from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.source import ByteArray, decode_name, read_array, text_of
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import unique_rows
 
@@ -31,7 +31,7 @@ HEADER_SIZE = 80
 def read_stl(path: PathLike) -> Mesh:
     """Read an STL file; the solids of an ASCII file become groups."""
     data = read_array(path)
-    groups: npt.NDArray[np.int32] | None = None
+    groups: IntArray | None = None
     names: tuple[str, ...] = ()
     n_triangles = binary_count(data)
     body = data[HEADER_SIZE + 4 :]
@@ -77,7 +77,7 @@ _END = re.compile(rb"[\r\n][ \t]*endsolid\b[^\r\n]*\s*\Z", re.IGNORECASE)
 
 def _read_ascii(
     path: PathLike, data: ByteArray
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32] | None, tuple[str, ...]]:
+) -> tuple[FloatArray, IntArray | None, tuple[str, ...]]:
     """(3F, 3) corners, the solid of each triangle, and the solids' names."""
     data = text_of(path, data, "an STL file")
     if not _END.search(data[-4096:].data):

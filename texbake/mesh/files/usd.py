@@ -31,7 +31,7 @@ from texbake.mesh.compose import join_parts
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import warn_of_cages
 from texbake.mesh.files.usd_stage import meters_per_unit, open_stage, reporting_damage
-from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, Mesh, UvSet, check_corner_count
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners
 from texbake.records import dataclass
@@ -159,7 +159,7 @@ class _MeshReader:
                 "export it again"
             ) from None
 
-    def integers(self, attribute: Any) -> npt.NDArray[np.int64]:
+    def integers(self, attribute: Any) -> Int64Array:
         """(n,) integers of an attribute; none where it has no value."""
         values = attribute.Get(self.time)
         return self.numbers(() if values is None else values, np.int64).ravel()
@@ -208,7 +208,7 @@ class _MeshReader:
         )
         return mesh, holders
 
-    def _groups(self) -> tuple[npt.NDArray[np.int64], list[Any]]:
+    def _groups(self) -> tuple[Int64Array, list[Any]]:
         """Group of each polygon, and the prims of the groups: subsets, else the mesh itself."""
         from pxr import UsdGeom
 
@@ -225,7 +225,7 @@ class _MeshReader:
             holders.append(self.prim)
         return groups, holders
 
-    def _colors(self) -> npt.NDArray[np.float32] | None:
+    def _colors(self) -> Float32Array | None:
         """Colors at points, with opacities; None where the mesh has one color as a whole."""
         columns = []
         for name, width in (("displayColor", 3), ("displayOpacity", 1)):
@@ -244,9 +244,7 @@ class _MeshReader:
         primvar = _primvar(self.prim, "normals")
         return primvar or (attribute if attribute.Get(self.time) else None)
 
-    def _values(
-        self, source: Any, width: int
-    ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]] | None:
+    def _values(self, source: Any, width: int) -> tuple[FloatArray, Int64Array] | None:
         """(n, width) values, and the row of each corner; None without a source."""
         from pxr import UsdGeom
 
@@ -279,7 +277,7 @@ class _MeshReader:
             elements = numbers.astype(np.int64)
         return array, elements
 
-    def _elements(self, interpolation: str) -> npt.NDArray[np.int64]:
+    def _elements(self, interpolation: str) -> Int64Array:
         """(C,) element that each corner takes its value from."""
         if interpolation == "faceVarying":
             return np.arange(len(self.vertices))

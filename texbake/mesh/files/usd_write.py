@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.files import PathLike, replacing, scratch_folder
 from texbake.mesh.compose import excerpt
@@ -39,7 +38,7 @@ from texbake.mesh.files.conversion import (
 )
 from texbake.mesh.files.openpbr import openpbr_nodes
 from texbake.mesh.files.usd_stage import require_usd
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import FloatArray, Int64Array, Mesh
 from texbake.mesh.normals import shading_normals, with_shading_normals
 from texbake.mesh.objects import object_names, separate_objects
 from texbake.mesh.polygons import Outlines, outlines
@@ -192,7 +191,7 @@ def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray, polygons: Outli
     )
 
 
-def _set_primvars(usd_mesh: Any, mesh: Mesh, slots: npt.NDArray[np.int64]) -> None:
+def _set_primvars(usd_mesh: Any, mesh: Mesh, slots: Int64Array) -> None:
     """Set normals, texture coordinates, tangents and colors, by corners of polygons."""
     from pxr import Sdf, UsdGeom, Vt
 
@@ -223,7 +222,7 @@ def _set_primvars(usd_mesh: Any, mesh: Mesh, slots: npt.NDArray[np.int64]) -> No
             opacity.Set(Vt.FloatArray.FromNumpy(np.ascontiguousarray(mesh.colors[:, 3])))
 
 
-def _set_groups(usd_mesh: Any, mesh: Mesh, firsts: npt.NDArray[np.int64]) -> None:
+def _set_groups(usd_mesh: Any, mesh: Mesh, firsts: Int64Array) -> None:
     """Make each group with polygons a subset of them; `firsts` are their first faces."""
     from pxr import UsdGeom, Vt
 

@@ -49,7 +49,7 @@ from texbake.errors import FileFormatError, counted, quoted
 from texbake.files import PathLike
 from texbake.limits import whole_number
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.parametric.grid import grid_mesh, lattice, open_lines, triangulate
 from texbake.mesh.parametric.options import check_triangles
@@ -167,7 +167,7 @@ def _unit(vectors: FloatArray) -> FloatArray:
     return _divided(vectors, lengths, lengths > 0.0)
 
 
-def _divided(vectors: FloatArray, lengths: FloatArray, where: npt.NDArray[np.bool_]) -> FloatArray:
+def _divided(vectors: FloatArray, lengths: FloatArray, where: BoolArray) -> FloatArray:
     """Vectors by their lengths, 0 where that is not wanted."""
     return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=where))
 

@@ -17,12 +17,10 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.compose import used_rows
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.topology import repeated_vertices
 from texbake.mesh.weld import unique_rows
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 def grid_quads(n_rows: int, n_columns: int) -> IntArray:

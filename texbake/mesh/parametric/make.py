@@ -38,7 +38,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import used_rows
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.bezier import make_bezier, patches_of
 from texbake.mesh.parametric.grid import (
     SurfaceGrid,
@@ -141,7 +141,7 @@ def _joined(
 
 def _triangles(
     numbers: IntArray, distances: FloatArray, max_step: float | None
-) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+) -> tuple[IntArray, BoolArray]:
     """(2 S, 3) and (2 S,): two triangles for each square of neighbors, and which of them to keep.
 
     `numbers` (H, W) are the corners, and `distances` has one entry per number. Triangles are
@@ -151,9 +151,7 @@ def _triangles(
     upper_left, upper_right = numbers[:-1, :-1].ravel(), numbers[:-1, 1:].ravel()
     lower_left, lower_right = numbers[1:, :-1].ravel(), numbers[1:, 1:].ravel()
 
-    def halves(
-        *triangles: tuple[IntArray, IntArray, IntArray],
-    ) -> tuple[IntArray, npt.NDArray[np.bool_]]:
+    def halves(*triangles: tuple[IntArray, IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
         corners = np.stack([np.stack(each, axis=1) for each in triangles], axis=1)
         known = distances[corners]
         with np.errstate(invalid="ignore"):

@@ -30,7 +30,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.files.source import parse_row, read_lines
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import (
     circle_points,
     closed_lines,
@@ -116,7 +116,7 @@ def _is_closed(points: FloatArray) -> bool:
 
 def _segment_normals(
     points: FloatArray, normals: FloatArray, lengths: FloatArray, crease: float
-) -> tuple[FloatArray, FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Normals at the start and at the end of each segment, and which inner points are smooth."""
     starts, ends = normals.copy(), normals.copy()
     smooth = _turn(normals[:-1], normals[1:]) <= crease

@@ -30,7 +30,7 @@ from texbake.mesh.files.ply_tables import (
     require_rows,
 )
 from texbake.mesh.files.source import ByteArray
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
 from texbake.mesh.polygons import triangulated
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -81,7 +81,7 @@ class FileVertices:
 
     file: MappedFile
     n: int  # number of vertices
-    layout: npt.NDArray[np.int64]  # (9,) int64; where they are; see `core/streamed_vertices.c`
+    layout: Int64Array  # (9,) int64; where they are; see `core/streamed_vertices.c`
 
     def read(self, vertices: IntArray, threads: int | None = None) -> FloatArray:
         """Positions of some vertices: (n, 3) float64."""

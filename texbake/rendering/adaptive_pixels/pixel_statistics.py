@@ -26,10 +26,9 @@ from functools import partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.effects.transparency import LayeredSamples
@@ -46,10 +45,6 @@ from texbake.sampling.report import (
 
 if TYPE_CHECKING:
     from texbake.rendering.adaptive_pixels.samples import AdaptivePicture
-
-
-Float32Array = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclasses.dataclass(frozen=True, order=True)
@@ -111,7 +106,7 @@ class PixelSums:
         self,
         sums: PixelSums,
         corner: tuple[int, int],
-        mask: npt.NDArray[np.bool_],
+        mask: BoolArray,
         behind: Float32Array | None,
         *,
         side: int,
@@ -236,7 +231,7 @@ def chosen_pixels(shows: BoolArray) -> BoolArray:
     return chosen.reshape(shows.shape)
 
 
-def _percents(numbers: npt.NDArray[np.int32]) -> dict[int, float]:
+def _percents(numbers: IntArray) -> dict[int, float]:
     """Return the percentage of each number that occurs."""
     values, counts = np.unique(numbers, return_counts=True)
     shares = 100.0 * counts / max(len(numbers), 1)

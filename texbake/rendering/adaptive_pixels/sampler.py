@@ -20,17 +20,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, IntArray
 from texbake.parallel import run_bands
-from texbake.rendering.adaptive_pixels.pixel_statistics import (
-    BoolArray,
-    Float32Array,
-    PixelSums,
-    Sides,
-)
+from texbake.rendering.adaptive_pixels.pixel_statistics import PixelSums, Sides
 from texbake.rendering.draw import find_background
 from texbake.rendering.effect import RenderState
 from texbake.rendering.effects.transparency import LayeredSamples, peel_layers
@@ -48,7 +42,7 @@ _WATCHED_WINDOW = 1 << 21
 _GAP = 16
 
 
-def windows(wanted: npt.NDArray[np.bool_], side: int, n_samples: int) -> Iterator[Window]:
+def windows(wanted: BoolArray, side: int, n_samples: int) -> Iterator[Window]:
     """Yield narrow strips with all wanted pixels, of up to `n_samples` samples each."""
     rows = np.flatnonzero(wanted.any(axis=1))
     most = max(1, n_samples // (wanted.shape[1] * side**2))
@@ -229,9 +223,6 @@ def _behind_all(state: RenderState) -> Float32Array | None:
     return find_background(state)
 
 
-PixelIds = npt.NDArray[np.int64]
-
-
 class PixelCache:
     """Samples pixels, or returns what they gave before."""
 
@@ -254,7 +245,7 @@ class PixelCache:
             self._sampler.take(new.reshape(wanted.shape), sides, sums)
             self._keep(pixels[is_new], sides, sums)
 
-    def _put(self, pixels: PixelIds, sides: Sides, sums: PixelSums) -> None:
+    def _put(self, pixels: Int64Array, sides: Sides, sums: PixelSums) -> None:
         """Write the sums of some pixels that are kept."""
         rows = self._rows[sides][pixels]
         light, squares, covered = self._kept[sides]
@@ -263,7 +254,7 @@ class PixelCache:
         sums.covered.reshape(-1)[pixels] = covered[rows]
         sums.counts.reshape(-1)[pixels] = sides.seen**2
 
-    def _keep(self, pixels: PixelIds, sides: Sides, sums: PixelSums) -> None:
+    def _keep(self, pixels: Int64Array, sides: Sides, sums: PixelSums) -> None:
         light, squares, covered = self._kept[sides]
         self._rows[sides][pixels] = np.arange(len(light), len(light) + len(pixels), dtype=np.int32)
         self._kept[sides] = (

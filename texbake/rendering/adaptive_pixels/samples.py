@@ -22,12 +22,10 @@ from collections.abc import Collection
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, IntArray
 from texbake.progress import Progress, Stages
 from texbake.rendering.adaptive_pixels.pixel_statistics import (
     SIDE,
-    BoolArray,
-    Float32Array,
     PixelSums,
     Sides,
     chosen_pixels,

@@ -21,10 +21,11 @@ from functools import partial
 import numpy as np
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.mesh import Float32Array
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.shading_models import normals_effect
-from texbake.rendering.fragments import Floats, Fragments, one_row
+from texbake.rendering.fragments import Fragments, one_row
 from texbake.rendering.material_simplification import is_diffuse, reflects_environment
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Target
@@ -118,7 +119,7 @@ def _normals_for_ambient(request: RenderRequest, target: int) -> Iterator[str]:
         yield normals_effect(request, target)
 
 
-def arriving_share(fragments: Fragments) -> Floats:
+def arriving_share(fragments: Fragments) -> Float32Array:
     """(n or 1,) float32: share of ambient light that is not occluded by the scene or by a map."""
     occlusion = fragments.values.occlusion
     if occlusion is None:
@@ -129,7 +130,12 @@ def arriving_share(fragments: Fragments) -> Floats:
 
 
 def add_ambient(
-    ambient: Ambient, up: str, normals: Floats, base: Floats, share: Floats, light: Floats
+    ambient: Ambient,
+    up: str,
+    normals: Float32Array,
+    base: Float32Array,
+    share: Float32Array,
+    light: Float32Array,
 ) -> None:
     """Add the ambient light that a diffuse surface reflects to the outgoing light of points.
 

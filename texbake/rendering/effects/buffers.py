@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.mesh.oklch import linear_from_oklch
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import image_of
 from texbake.rendering.effects.shading_models import normals_effect
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Fragments
 from texbake.rendering.rasterize import rasterize
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Target
@@ -55,7 +55,7 @@ def _needs(request: RenderRequest, target: int) -> Iterator[str]:
         yield "images" if _has_image(request, target) else "texture coordinates"
 
 
-def _buffer_range(state: RenderState, target: Target) -> npt.NDArray[np.float64]:
+def _buffer_range(state: RenderState, target: Target) -> FloatArray:
     """Range of distances for `depth`, or triangles per sample for `overdraw`, once for all."""
     if target != min(state.visible.objects):
         return np.empty(0)
@@ -80,7 +80,7 @@ def _buffer_range(state: RenderState, target: Target) -> npt.NDArray[np.float64]
     return np.empty(0)
 
 
-def _depth(fragments: Fragments, state: RenderState) -> Floats:
+def _depth(fragments: Fragments, state: RenderState) -> Float32Array:
     """White at the nearest surface, black at the farthest."""
     near, far = state.of(_buffer_range, min(state.visible.objects))
     away = pm.matmul(state.camera.eye - fragments.positions, state.camera.axes[2])
@@ -88,11 +88,11 @@ def _depth(fragments: Fragments, state: RenderState) -> Floats:
     return _gray(0.05 + 0.95 * np.clip(level, 0.0, 1.0))
 
 
-def _normals(fragments: Fragments, state: RenderState) -> Floats:
+def _normals(fragments: Fragments, state: RenderState) -> Float32Array:
     return decode_srgb(0.5 * fragments.normals + 0.5).astype(np.float32)
 
 
-def _uv(fragments: Fragments, state: RenderState) -> Floats:
+def _uv(fragments: Fragments, state: RenderState) -> Float32Array:
     """Texture coordinates: u as red, v as green, each within its tile."""
     uvs, _ = fragments.coordinates[None]
     shown = np.zeros((len(fragments), 3))
@@ -100,7 +100,7 @@ def _uv(fragments: Fragments, state: RenderState) -> Floats:
     return decode_srgb(shown).astype(np.float32)
 
 
-def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Floats]:
+def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Float32Array]:
     """(n, 2): position in texels of the base color's image; (n,): mip level of the pixel."""
     width = height = _TEXELS
     has_image = _has_image(state.request, fragments.target)
@@ -112,7 +112,7 @@ def _texels(fragments: Fragments, state: RenderState) -> tuple[FloatArray, Float
     return at * (width, height), mip_levels(changes, width, height, threads=1)
 
 
-def _mip_level(fragments: Fragments, state: RenderState) -> Floats:
+def _mip_level(fragments: Fragments, state: RenderState) -> Float32Array:
     """A hue for each mip level, blended between levels; gray where the texture is magnified."""
     _, levels = _texels(fragments, state)
     shown = np.clip(levels, 0.0, 30.0)
@@ -120,7 +120,7 @@ def _mip_level(fragments: Fragments, state: RenderState) -> Floats:
     return linear_from_oklch(0.75, chroma, 30.0 + 50.0 * shown).astype(np.float32)
 
 
-def _overdraw(fragments: Fragments, state: RenderState) -> Floats:
+def _overdraw(fragments: Fragments, state: RenderState) -> Float32Array:
     """Number of triangles that cover the pixel's center, brightest from 16 on."""
     tries = state.of(_buffer_range, min(state.visible.objects))
     side = state.options.supersampling
@@ -128,12 +128,12 @@ def _overdraw(fragments: Fragments, state: RenderState) -> Floats:
     return _gray(np.minimum(tries[rows, columns], _MOST_TRIES) / _MOST_TRIES)
 
 
-def _object_id(fragments: Fragments, state: RenderState) -> Floats:
+def _object_id(fragments: Fragments, state: RenderState) -> Float32Array:
     color = linear_from_oklch(0.72, 0.13, 30.0 + _NEXT_HUE * fragments.target)
     return np.broadcast_to(color.astype(np.float32), (len(fragments), 3))
 
 
-def _texel_grid(fragments: Fragments, state: RenderState) -> Floats:
+def _texel_grid(fragments: Fragments, state: RenderState) -> Float32Array:
     """A checkerboard of texels; gray where they are smaller than a pixel."""
     texels, levels = _texels(fragments, state)
     odd = (np.floor(texels).sum(axis=1) % 2.0).astype(np.float32)
@@ -142,11 +142,11 @@ def _texel_grid(fragments: Fragments, state: RenderState) -> Floats:
     return _gray(0.5 + (odd - 0.5) * 0.7 * sharp)
 
 
-def _gray(codes: npt.NDArray[np.floating]) -> Floats:
+def _gray(codes: npt.NDArray[np.floating]) -> Float32Array:
     return np.repeat(decode_srgb(codes)[:, None], 3, axis=1).astype(np.float32)
 
 
-_PICTURES: dict[str, Callable[[Fragments, RenderState], Floats]] = {
+_PICTURES: dict[str, Callable[[Fragments, RenderState], Float32Array]] = {
     "depth": _depth,
     "normals": _normals,
     "uv": _uv,

@@ -23,13 +23,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.ambient import arriving_share
 from texbake.rendering.effects.shading_models import head_on, normals_effect
-from texbake.rendering.fragments import Floats, Fragments, one_row
+from texbake.rendering.fragments import Fragments, one_row
 from texbake.rendering.maps import colors_from
 from texbake.rendering.material_simplification import reflects_environment, scatters
 from texbake.rendering.request import RenderRequest
@@ -61,7 +61,7 @@ class PlacedEnvironment:
         """Memory of its texels."""
         return self.chain.texels.nbytes
 
-    def look(self, directions: Floats, levels: Floats | None = None) -> Floats:
+    def look(self, directions: Float32Array, levels: Float32Array | None = None) -> Float32Array:
         """(n, 3) float32: light from directions (n, 3) in world space."""
         turned = directions
         if not np.array_equal(self.turn, np.eye(3)):
@@ -174,7 +174,7 @@ _ZERO = np.zeros((1, 1), np.float32)
 _NO_TABLE = np.zeros((1, 1, 2), np.float32)
 
 
-def _or_zero(values: Floats | None) -> Floats:
+def _or_zero(values: Float32Array | None) -> Float32Array:
     return _ZERO if values is None else values
 
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Fragments
 from texbake.rendering.maps import MapSource, channel_of, colors_from, normals_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Compute, Target
@@ -56,8 +56,8 @@ class LoadedImage:
     kind: str  # how its mip levels are computed: as `color`, `data` or `normal`
     filter: str
     wrap: Wrap
-    border: Floats
-    factor: Floats
+    border: Float32Array
+    factor: Float32Array
     # turn, offset: (2, 2) and (2,): transform texture coordinates of the mesh to those of the
     # image; None if they are equal
     turn: FloatArray | None
@@ -66,7 +66,7 @@ class LoadedImage:
     # Further set of texture coordinates that it lies on; None for the first
     uv_set: str | None = None
     # (K, 3): colors for the values from the first to the second number of `range`
-    legend: Floats | None = None
+    legend: Float32Array | None = None
     range: tuple[float, float] = (0.0, 1.0)
     origin: Origin | None = None  # source of the texels; images of equal origin have equal texels
     is_shared: bool = False  # whether another image holds the same texels in memory
@@ -84,7 +84,7 @@ class LoadedImage:
         """Transform differences (..., 2) of texture coordinates."""
         return steps if self.turn is None else pm.matmul(steps, self.turn.T)
 
-    def change(self, changes: Floats) -> Floats:
+    def change(self, changes: Float32Array) -> Float32Array:
         """Transform derivatives (n, 4) of texture coordinates per pixel."""
         if self.turn is None:
             return changes
@@ -92,7 +92,7 @@ class LoadedImage:
         return np.asarray(pm.matmul(changes.reshape(-1, 2, 2), turn).reshape(-1, 4))
 
     @cached_property
-    def limits(self) -> tuple[Floats, Floats]:
+    def limits(self) -> tuple[Float32Array, Float32Array]:
         """(C,) and (C,): minimum and maximum of each channel."""
         return self.chain.texels.min(axis=0), self.chain.texels.max(axis=0)
 
@@ -224,7 +224,7 @@ def _pixels(
     return channel_of(source, 0, color=bool(texture.color)), "data", ""
 
 
-def _broadcast(value: float | tuple[float, ...], n_channels: int, name: str) -> Floats:
+def _broadcast(value: float | tuple[float, ...], n_channels: int, name: str) -> Float32Array:
     numbers = np.atleast_1d(np.asarray(value, np.float32))
     if len(numbers) not in (1, n_channels):
         raise OptionError(f"{name}: {value} are not 1 or {n_channels} numbers")
@@ -282,7 +282,7 @@ def image_of(state: RenderState, target: int, name: str) -> LoadedImage:
 
 def look_up(
     fragments: Fragments, state: RenderState, name: str, *, uvs: FloatArray | None = None
-) -> Floats:
+) -> Float32Array:
     """(n, C) float32: values of an image at fragments, or at other coordinates `uvs`."""
     image = image_of(state, fragments.target, name)
     at, changes = fragments.coordinates[image.uv_set]
@@ -290,7 +290,7 @@ def look_up(
     return image_values(image, at if uvs is None else uvs, changes if wanted else None)
 
 
-def image_values(image: LoadedImage, at: FloatArray, changes: Floats | None) -> Floats:
+def image_values(image: LoadedImage, at: FloatArray, changes: Float32Array | None) -> Float32Array:
     """(n, C) values of an image at uvs; `changes` (n, 4) per pixel for filters with a footprint."""
     values = sample(
         image.chain,

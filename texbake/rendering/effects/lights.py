@@ -18,11 +18,11 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState
-from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
+from texbake.rendering.fragments import Fragments, IncidentLight, one_row
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
 from texbake.rendering.scene.material import picture_aspect
@@ -42,7 +42,7 @@ class PlacedLight:
     """
 
     kind: str
-    radiance: Floats
+    radiance: Float32Array
     position: FloatArray
     direction: FloatArray
     up: FloatArray
@@ -136,7 +136,7 @@ def fix_in_world(light: Light, camera: Camera) -> Light:
     )
 
 
-def arriving_light(light: PlacedLight, points: FloatArray, normals: Floats) -> IncidentLight:
+def arriving_light(light: PlacedLight, points: FloatArray, normals: Float32Array) -> IncidentLight:
     """Compute the unshadowed light that arrives from one lamp at points (n, 3) in world space."""
     if light.kind == "directional":
         return IncidentLight(one_row(tuple(-light.direction), 3), light.radiance)

@@ -28,13 +28,14 @@ from typing import Any
 import numpy as np
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.mesh import Float32Array
 from texbake.rendering.camera import Camera
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.environment import PlacedEnvironment, environment_map
 from texbake.rendering.effects.lights import fix_in_world
 from texbake.rendering.effects.shading_models import normals_effect
 from texbake.rendering.effects.slots import slot_values
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Fragments
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Material, Reflection, Refraction
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
@@ -120,7 +121,7 @@ def _render(state: RenderState, target: int) -> PlacedEnvironment:
     return PlacedEnvironment(CubeChain.of([cube]), np.eye(3))
 
 
-def _mix(fragments: Fragments, state: RenderState, name: str, directions: Floats) -> None:
+def _mix(fragments: Fragments, state: RenderState, name: str, directions: Float32Array) -> None:
     """Replace a share of the fragments' light by the environment's."""
     mirror = getattr(fragments.drawn.material, name)
     environment = state.get(environment_map)  # None is black

@@ -21,16 +21,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import image_axes, shading_tangents
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import image_of, look_up
 from texbake.rendering.effects.points import coordinates_effect, textured_mesh
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Fragments
 from texbake.rendering.maps import normal_space
 from texbake.rendering.rasterize import read_only
 from texbake.rendering.request import RenderRequest
@@ -43,7 +42,7 @@ def mesh_normals(state: RenderState, target: int) -> tuple[FloatArray, IntArray]
     return read_only(normals, np.float64), read_only(corners, np.int32)
 
 
-def interpolated_normals(fragments: Fragments, state: RenderState) -> Floats:
+def interpolated_normals(fragments: Fragments, state: RenderState) -> Float32Array:
     """(n, 3) float32: unit normals of the mesh, or of its displaced and subdivided triangles."""
     drawn = fragments.drawn
     if drawn.normals is not None and drawn.normal_faces is not None:
@@ -105,7 +104,7 @@ def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
         yield from ("vertex normals", "tangents")
 
 
-def _mesh_tangents(state: RenderState, target: int) -> npt.NDArray[np.float32]:
+def _mesh_tangents(state: RenderState, target: int) -> Float32Array:
     uv_set = _map_of(state.request, target).texture.uv_set
     tangents = shading_tangents(textured_mesh(state, target).on_uv_set(uv_set))
     return read_only(tangents, np.float32)

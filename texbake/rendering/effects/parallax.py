@@ -27,13 +27,13 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, image_of
 from texbake.rendering.effects.normals import interpolated_normals
 from texbake.rendering.effects.points import steps_along_texture, textured_mesh
-from texbake.rendering.fragments import Floats, Fragments
+from texbake.rendering.fragments import Fragments
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT
 from texbake.texture.lookup import wrap_codes
 from texbake.texture.sample import mip_levels
@@ -108,7 +108,7 @@ def _move(fragments: Fragments, mesh: Mesh, uv_set: str | None, shifts: FloatArr
 
 
 def _hit_positions(
-    image: LoadedImage, starts: FloatArray, steps: FloatArray, changes: Floats, layers: int
+    image: LoadedImage, starts: FloatArray, steps: FloatArray, changes: Float32Array, layers: int
 ) -> FloatArray:
     """(n,) float64: position of each hit along its ray, from 0 (surface) to 1 (deepest)."""
     chain = image.chain

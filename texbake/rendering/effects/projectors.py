@@ -38,13 +38,13 @@ from functools import partial
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.records import dataclass
 from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
 from texbake.rendering.effects.lights import PlacedLight, cookie_extent, place_light, reaches_any
 from texbake.rendering.effects.shadows import ShadowMap, render_shadow_map, shadowed_radiance
-from texbake.rendering.fragments import Floats, Fragments, IncidentLight, one_row
+from texbake.rendering.fragments import Fragments, IncidentLight, one_row
 from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Deferred
@@ -92,10 +92,10 @@ class ProjectedPoints:
     """
 
     places: FloatArray
-    changes: Floats | None
-    coverage: Floats
+    changes: Float32Array | None
+    coverage: Float32Array
 
-    def values(self, image: LoadedImage) -> Floats:
+    def values(self, image: LoadedImage) -> Float32Array:
         """(n, C) float32: values of the picture; undefined where the coverage is 0."""
         return image_values(image, self.places, self.changes)
 
@@ -159,7 +159,7 @@ class LightCookie:
         """Read the cookie of a placed spot light."""
         return cls(_image_of(light, "bilinear", None), cookie_matrix(light, placed))
 
-    def colors(self, points: FloatArray) -> Floats:
+    def colors(self, points: FloatArray) -> Float32Array:
         """(n, 3) float32: factor of the light at points."""
         found = project_onto(self.matrix, points, None, self.image.filter)
         return found.values(self.image) * found.coverage[:, None]
@@ -283,19 +283,21 @@ def _view_from(state: RenderState, item: ProjectedTexture) -> ShadowMap | None:
     return view
 
 
-def _visibility_from(fragments: Fragments, state: RenderState, view: ShadowMap) -> Floats:
+def _visibility_from(fragments: Fragments, state: RenderState, view: ShadowMap) -> Float32Array:
     """(n,) float32: share of the picture that reaches fragments."""
     assert view.position is not None
     offsets = view.position - fragments.positions
     lengths = pm.norm(offsets, axis=1, keepdims=True)
-    toward: Floats = (offsets / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
+    toward: Float32Array = (offsets / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
     # The direction to the projector stands for the normal: facing is a question of its own.
     incident = IncidentLight(directions=toward, radiance=one_row((1.0, 1.0, 1.0), 3))
     found = shadowed_radiance(view, state.world, fragments, toward, incident)
     return np.ascontiguousarray(found[:, 0])
 
 
-def _faces_projector(fragments: Fragments, state: RenderState, position: FloatArray) -> Floats:
+def _faces_projector(
+    fragments: Fragments, state: RenderState, position: FloatArray
+) -> Float32Array:
     """(n,) float32: 1 where the camera sees the side that faces a position, else 0."""
     drawn = fragments.drawn
     a, b, c = np.moveaxis(drawn.positions[drawn.faces[fragments.drawn_faces]], 1, 0)

@@ -37,12 +37,12 @@ from functools import partial
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import Float32Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.lights import incident
-from texbake.rendering.fragments import Floats, Fragments, IncidentLight, three_weights
+from texbake.rendering.fragments import Fragments, IncidentLight, three_weights
 from texbake.rendering.request import RenderRequest
 
 # Below this value of alpha, highlights are narrower than float32 normals resolve.
@@ -73,7 +73,9 @@ def head_on(ior: float) -> float:
 _ONE = np.ones((1, 1), np.float32)
 
 
-def add_lambert(normals: Floats, arriving: IncidentLight, base: Floats, light: Floats) -> None:
+def add_lambert(
+    normals: Float32Array, arriving: IncidentLight, base: Float32Array, light: Float32Array
+) -> None:
     """Add a lamp's diffuse reflection to the outgoing light (n, 3) of points, in place."""
     core.reflect_lambert(normals, arriving.directions, arriving.radiance, base, light)
 
@@ -157,8 +159,8 @@ _WHITE = np.ones((1, 3), np.float32)
 class CornerLight:
     """Light at corners of drawn faces (F, 3, 3): of a black surface, and what white adds to it."""
 
-    own: Floats
-    reflected: Floats
+    own: Float32Array
+    reflected: Float32Array
 
 
 def _corner_light(state: RenderState, target: int) -> CornerLight:
@@ -176,7 +178,7 @@ def _corner_light(state: RenderState, target: int) -> CornerLight:
     return CornerLight(own, reflected)
 
 
-def _light(state: RenderState, target: int, faces: IntArray, base: Floats) -> Floats:
+def _light(state: RenderState, target: int, faces: IntArray, base: Float32Array) -> Float32Array:
     """(n, 3) float32: light that corners of faces reflect with a base color."""
     fragments = _at_corners(state, target, faces)
     for effect in state.plan.for_target(target):
@@ -207,7 +209,7 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
     )
 
 
-def _toward_eye(fragments: Fragments, state: RenderState) -> Floats:
+def _toward_eye(fragments: Fragments, state: RenderState) -> Float32Array:
     way = state.camera.eye - fragments.positions
     lengths = pm.norm(way, axis=1, keepdims=True)
     return np.ascontiguousarray(way / np.where(lengths > 0.0, lengths, 1.0), np.float32)

@@ -40,10 +40,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray
 from texbake.records import dataclass
 from texbake.rendering.effect import Activation, Effect, Rejection, RenderState
 from texbake.rendering.effects.lights import place_light, placed_light
@@ -56,7 +55,7 @@ from texbake.rendering.effects.shadow_fit import (
     seen_bounds,
     shading_pairs,
 )
-from texbake.rendering.fragments import Floats, Fragments, IncidentLight
+from texbake.rendering.fragments import Fragments, IncidentLight
 from texbake.rendering.rasterize import SHOW_BACK, SKIP, World, rasterize
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
@@ -70,7 +69,7 @@ class ShadowMap:
     views: FloatArray
     inverses: FloatArray
     # (V, H, W): z / w (greater is nearer to the light); 0 where the texel is empty
-    depths: npt.NDArray[np.float32]
+    depths: Float32Array
     face_ids: IntArray  # (V, H, W): triangle of the world; -1 where the texel is empty
     radius: float  # filter radius in texels
     position: FloatArray | None  # of the light; None for a directional one
@@ -108,8 +107,12 @@ def render_shadow_map(
 
 
 def shadowed_radiance(
-    shadow: ShadowMap, world: World, fragments: Fragments, normals: Floats, incident: IncidentLight
-) -> Floats:
+    shadow: ShadowMap,
+    world: World,
+    fragments: Fragments,
+    normals: Float32Array,
+    incident: IncidentLight,
+) -> Float32Array:
     """(n, 3) float32: light of one lamp that arrives at fragments, with shadows."""
     out = np.empty((len(fragments), 3), np.float32)
     first, stop = world.starts[fragments.target : fragments.target + 2].tolist()

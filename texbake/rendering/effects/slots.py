@@ -14,11 +14,11 @@ from functools import partial
 import numpy as np
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import COLOR_SLOTS, look_up, without_textures
 from texbake.rendering.effects.points import coordinates_effect
-from texbake.rendering.fragments import Floats, Fragments, SlotValues, one_row, three_weights
+from texbake.rendering.fragments import Fragments, SlotValues, one_row, three_weights
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture, Slot, VolumeTexture
 from texbake.texture.lookup import ramp_lookup, volume_lookup
@@ -39,7 +39,7 @@ def _needs(request: RenderRequest, target: int) -> Iterator[str]:
 
 def _look_up_all(fragments: Fragments, state: RenderState) -> None:
     material = fragments.drawn.material
-    found: dict[str, Floats] = {}
+    found: dict[str, Float32Array] = {}
     for name in state.request.slots(fragments.target):
         channels = 3 if name in COLOR_SLOTS else 1
         found[name] = slot_values(fragments, state, name, getattr(material, name), channels)
@@ -53,7 +53,7 @@ def _look_up_all(fragments: Fragments, state: RenderState) -> None:
 
 def slot_values(
     fragments: Fragments, state: RenderState, name: str, slot: Slot, channels: int
-) -> Floats:
+) -> Float32Array:
     """(n or 1, channels) float32: value of a slot at each fragment."""
     if isinstance(slot, ImageTexture):
         return look_up(fragments, state, name)
@@ -62,7 +62,9 @@ def slot_values(
     return one_row(slot, channels)
 
 
-def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: int) -> Floats:
+def procedure_values(
+    fragments: Fragments, texture: ProcedureTexture, channels: int
+) -> Float32Array:
     """(n, channels) float32: value of a procedure at each fragment."""
     points, footprint = _points(fragments, texture)
     if isinstance(texture, VolumeTexture):
@@ -81,7 +83,7 @@ def procedure_values(fragments: Fragments, texture: ProcedureTexture, channels: 
     return np.ascontiguousarray(shown, np.float32)
 
 
-def _volume_values(texture: VolumeTexture, points: FloatArray) -> Floats:
+def _volume_values(texture: VolumeTexture, points: FloatArray) -> Float32Array:
     values = volume_lookup(
         texture.texels, points + texture.offset, wrap=texture.wrap, filter=texture.filter,
         border=texture.border, threads=1,
@@ -92,7 +94,9 @@ def _volume_values(texture: VolumeTexture, points: FloatArray) -> Floats:
     return ((values - low) / (high - low)).astype(np.float32)
 
 
-def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray, Floats | None]:
+def _points(
+    fragments: Fragments, texture: ProcedureTexture
+) -> tuple[FloatArray, Float32Array | None]:
     """Points for a procedure, (n, 2) on the texture or (n, 3) in space, and the pixel widths."""
     scale = np.broadcast_to(np.asarray(texture.scale, np.float64), 3)
     wanted = texture.filtered and len(fragments.changes) > 0
@@ -114,7 +118,7 @@ def _points(fragments: Fragments, texture: ProcedureTexture) -> tuple[FloatArray
     return points, widths if wanted else None
 
 
-def vertex_colors(fragments: Fragments) -> Floats:
+def vertex_colors(fragments: Fragments) -> Float32Array:
     """(n, 3 or 4) float32: interpolated vertex colors."""
     mesh = fragments.drawn.mesh
     assert mesh.colors is not None

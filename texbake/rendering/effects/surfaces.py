@@ -20,7 +20,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.compose import corner_order
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals, vertex_normals
 from texbake.mesh.tangents import shading_tangents
 from texbake.parallel import run_bands
@@ -37,7 +37,7 @@ from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import LoadedImage, filtered_image, image_values, placed_image
 from texbake.rendering.effects.points import map_mesh, mapping_effect, steps_along_surface
 from texbake.rendering.effects.slots import procedure_values
-from texbake.rendering.fragments import DrawnObject, Floats, Fragments
+from texbake.rendering.fragments import DrawnObject, Fragments
 from texbake.rendering.maps import heights_from, normal_space
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.material import Displacement
@@ -70,7 +70,7 @@ PLACING = Effect(
 )
 
 # Normals (N, 3), their indices (F, 3) and tangents (F, 3, 4) in the object's space.
-Frames = tuple[FloatArray, IntArray, Floats]
+Frames = tuple[FloatArray, IntArray, Float32Array]
 # Lookups per band.
 _BAND = 1 << 15
 
@@ -255,7 +255,7 @@ def _values_at(
 
 
 def _from_tangent_space(
-    frames: Frames, faces: IntArray, weights: FloatArray, values: Floats
+    frames: Frames, faces: IntArray, weights: FloatArray, values: Float32Array
 ) -> FloatArray:
     """(n, 3): x T + y B + z N, with T and N interpolated and B = w cross(N, T)."""
     normals, corners, tangents = frames

@@ -21,15 +21,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, IntArray
 from texbake.records import dataclass
 from texbake.rendering.effect import Effect, RenderState
 from texbake.rendering.effects.images import look_up
 from texbake.rendering.effects.slots import vertex_colors
-from texbake.rendering.fragments import Floats, FragmentRows, Fragments
+from texbake.rendering.fragments import FragmentRows, Fragments
 from texbake.rendering.passes import rasterize_samples, seen_objects
 from texbake.rendering.rasterize import SKIP, VisibilityBuffer
 from texbake.rendering.request import RenderRequest
@@ -59,10 +58,10 @@ def _reasons(request: RenderRequest, index: int) -> Iterator[str]:
 class LayeredSamples:
     """What layers composited from front to back show at samples; changed in place."""
 
-    light: Floats  # (h, w, 3)
-    passed: Floats  # (h, w): share of the light behind these layers that they let through
-    normals: Floats | None  # (h, w, 3)
-    seen: npt.NDArray[np.bool_]  # (h, w)
+    light: Float32Array  # (h, w, 3)
+    passed: Float32Array  # (h, w): share of the light behind these layers that they let through
+    normals: Float32Array | None  # (h, w, 3)
+    seen: BoolArray  # (h, w)
 
     @classmethod
     def empty(cls, shape: tuple[int, int], *, keeps_normals: bool = False) -> LayeredSamples:
@@ -121,7 +120,7 @@ class Layers:
             )  # fmt: skip
 
 
-def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
+def opacity_of(fragments: Fragments, state: RenderState) -> Float32Array:
     """(n,): opacity of the slot, times the alpha of the base color's image and of vertex colors."""
     values = np.ones(len(fragments), np.float32)
     if fragments.values.opacity is not None:
@@ -138,7 +137,7 @@ def opacity_of(fragments: Fragments, state: RenderState) -> Floats:
     return np.ascontiguousarray(values, np.float32)
 
 
-def _normals_of(fragments: Fragments) -> Floats:
+def _normals_of(fragments: Fragments) -> Float32Array:
     return fragments.normals if len(fragments.normals) else np.zeros_like(fragments.light)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.records import dataclass
 
 Ids = npt.NDArray[np.int64]
@@ -87,7 +87,7 @@ def _tetrahedra(n: int) -> list[Ids]:
     return [first[:, None] + np.cumsum([0, *steps[list(path)]]) for path in paths]
 
 
-def _crossed(corners: Ids, is_inside: npt.NDArray[np.bool_], points: FloatArray) -> Ids:
+def _crossed(corners: Ids, is_inside: BoolArray, points: FloatArray) -> Ids:
     """(n, 3, 2): triangles across tetrahedra, each corner as the two ends of an edge."""
     corners = corners[(counts := is_inside[corners].sum(axis=1)) % 4 > 0]
     counts = counts[counts % 4 > 0]

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray
 from texbake.records import dataclass
 from texbake.study.bench.cases import BenchCase, pair_files
 from texbake.study.bench.programs import Product
@@ -67,9 +66,7 @@ def _job(case: BenchCase, folder: Path) -> dict[str, Any]:
 _FLAT = np.array([127 / 255, 128 / 255, 32767 / 65535, 32768 / 65535, 0.5], np.float32)
 
 
-def _map_at(
-    product: Product, uvs: FloatArray
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+def _map_at(product: Product, uvs: FloatArray) -> tuple[Float32Array, BoolArray]:
     """Return a map, and for each point whether the nearest texel is black, transparent or flat."""
     pixels = read_image(product.path, color=False).pixels
     height, width = pixels.shape[:2]

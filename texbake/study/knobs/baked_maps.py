@@ -9,12 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.bake import bake
 from texbake.baking.options import ADAPTIVE, SAMPLES, BakeOptions
 from texbake.baking.result import BakedMap, BakeResult
 from texbake.core import portable_math as pm
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray
 from texbake.study.knob import Case, Evaluation, Experiment, Knob, Setting
 from texbake.study.truth.pictures import close_up
 from texbake.study.truth.probes import N_RAYS, angles_deg, mean_normals, probe, truth_of
@@ -207,7 +207,7 @@ def _prepare_bit_depth(case: Case) -> Experiment:
     )
 
 
-def _dithered(values: npt.NDArray[np.float32], bits: int) -> npt.NDArray[np.float32]:
+def _dithered(values: Float32Array, bits: int) -> Float32Array:
     """Move values by up to half a step of the codes, differently in each texel and channel."""
     height, width = values.shape[:2]
     rows, columns = np.arange(height)[:, None, None], np.arange(width)[None, :, None]
@@ -215,13 +215,11 @@ def _dithered(values: npt.NDArray[np.float32], bits: int) -> npt.NDArray[np.floa
     return np.asarray(values + share * (2.0 / ((1 << bits) - 1)), np.float32)
 
 
-def _banding(
-    values: npt.NDArray[np.float32], truth: npt.NDArray[np.float32], known: npt.NDArray[np.bool_]
-) -> float:
+def _banding(values: Float32Array, truth: Float32Array, known: BoolArray) -> float:
     """Return the mean angle between both once the eye has averaged over small areas."""
     height, width = (length // _AREA * _AREA for length in known.shape)
 
-    def averaged(image: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    def averaged(image: Float32Array) -> FloatArray:
         blocks = image[:height, :width].astype(np.float64)
         return np.asarray(
             blocks.reshape(height // _AREA, _AREA, width // _AREA, _AREA, 3).mean(axis=(1, 3))
@@ -235,7 +233,7 @@ def _banding(
     return float(angles_deg(a, b / _lengths(b)).mean())
 
 
-def _lengths(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _lengths(vectors: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(pm.vecdot(vectors, vectors)))[:, None]
 
 
@@ -312,7 +310,7 @@ def _differs(found: BakedMap, extent: float) -> tuple[np.ndarray, float]:
     return changes > least, float(changes.max(initial=0.0))
 
 
-def _shown(found: BakedMap) -> npt.NDArray[np.float32]:
+def _shown(found: BakedMap) -> Float32Array:
     """(200, 200, 3): the whole map; normals as colors, other values from black to white."""
     rows, columns = (np.arange(_SIDE) * side // _SIDE for side in found.values.shape[:2])
     values = found.values[rows[:, None], columns]

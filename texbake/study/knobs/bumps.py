@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -31,8 +30,6 @@ _BUMP_GRADIENT_QUICK_SIZES = (32, 64)
 _FORWARD, _ANALYTIC = "forward", "analytic"
 _METHODS = (_FORWARD, "central", "sobel", "scharr", _ANALYTIC)
 
-Floats = npt.NDArray[np.float32]
-
 
 def _prepare_bump_gradient(case: Case) -> Experiment:
     sizes = case.choose(_BUMP_GRADIENT_SIZES, _BUMP_GRADIENT_QUICK_SIZES)
@@ -42,7 +39,7 @@ def _prepare_bump_gradient(case: Case) -> Experiment:
     points = np.random.default_rng(0).random((case.choose(200_000, 5_000), 2))
     truth = wave_normals(points[:, 0], points[:, 1])
 
-    def work(value: tuple[str, int]) -> Floats:
+    def work(value: tuple[str, int]) -> Float32Array:
         method, size = value
         if method == _ANALYTIC:
             return np.asarray(wave_normals(*grids[size]), np.float32)
@@ -51,7 +48,7 @@ def _prepare_bump_gradient(case: Case) -> Experiment:
         options = HeightToNormalOptions(scale=1.0, derivative=method)
         return height_to_normal(heights[size], options)
 
-    def judge(value: tuple[str, int], normals: Floats) -> Evaluation:
+    def judge(value: tuple[str, int], normals: Float32Array) -> Evaluation:
         read = lookup(normals, points, threads=case.threads).astype(np.float64)
         angles = angles_deg(read, truth)
         direction = np.array([-0.5, 0.5, 0.707], np.float32)
@@ -77,7 +74,7 @@ def _prepare_bump_gradient(case: Case) -> Experiment:
     )
 
 
-def forward_normals(heights: Floats) -> Floats:
+def forward_normals(heights: Float32Array) -> Float32Array:
     """(H, W, 3) normals from the difference to the next texel, as textbooks define bumps."""
     along_x = (np.roll(heights, -1, axis=1) - heights) * np.float32(heights.shape[1])
     up_y = (np.roll(heights, 1, axis=0) - heights) * np.float32(heights.shape[0])

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -40,7 +39,7 @@ def _prepare_surface_detail(case: Case) -> Experiment:
         pair.low,
         BakeOptions(size=size, maps=("normal", "displacement"), threads=case.threads),
     )
-    maps: dict[str, npt.NDArray[np.float32]] = {
+    maps: dict[str, Float32Array] = {
         "normal": baked.maps["normal"].values,
         "displacement": baked.maps["displacement"].values[..., 0],
     }

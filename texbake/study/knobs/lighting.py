@@ -6,10 +6,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -48,11 +47,11 @@ def _prepare_environment(case: Case) -> Experiment:
     truth, seen = _traced(camera, side)
     sky = tuple(_sky(texel_directions(_SKY_SIZE).astype(np.float64)).astype(np.float32))
 
-    def work(value: tuple[str, int]) -> npt.NDArray[np.float32]:
+    def work(value: tuple[str, int]) -> Float32Array:
         scene = _scene(_mirror(*value), sky, lighting=value[0] == _PREFILTERED)
         return draw(prepare(scene, options, threads=case.threads), camera).color
 
-    def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Evaluation:
+    def judge(value: tuple[str, int], image: Float32Array) -> Evaluation:
         return Evaluation(picture_error(image, truth, seen), crop(image[::_SKIPPED, ::_SKIPPED]))
 
     sizes = case.choose(_ENVIRONMENT_SIZES, _ENVIRONMENT_QUICK_SIZES)
@@ -77,9 +76,7 @@ def _mirror(kind: str, size: int) -> Material:
     return Material(shading="unlit", base_color=(0.0, 0.0, 0.0), reflection=shown)
 
 
-def _scene(
-    material: Material, sky: tuple[npt.NDArray[np.float32], ...], *, lighting: bool
-) -> Scene:
+def _scene(material: Material, sky: tuple[Float32Array, ...], *, lighting: bool) -> Scene:
     flat, ball = plane(), uv_sphere(128, 256)
     x, y, _ = flat.positions.T
     floor = flat.replace(
@@ -105,7 +102,7 @@ def _scene(
     )
 
 
-def _traced(camera: Camera, side: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+def _traced(camera: Camera, side: int) -> tuple[Float32Array, BoolArray]:
     """Return what the ball shows, (H, W, 3), and the pixels that show it well, (H, W)."""
     middle, rays = np.array(_MIDDLE), sight_rays(camera, side, side)
     points, cosines = ball_points(camera, rays, middle, _ENVIRONMENT_RADIUS)
@@ -174,13 +171,13 @@ def _prepare_shadow_map(case: Case) -> Experiment:
     )  # fmt: skip
     truth, floor = _cast(camera, options)
 
-    def work(value: tuple[int, float]) -> npt.NDArray[np.float32]:
+    def work(value: tuple[int, float]) -> Float32Array:
         shadow = Shadow(size=value[0], filter_radius=value[1])
         return draw(
             prepare(with_shadows(scene, shadow), options, threads=case.threads), camera
         ).color
 
-    def judge(value: tuple[int, float], image: npt.NDArray[np.float32]) -> Evaluation:
+    def judge(value: tuple[int, float], image: Float32Array) -> Evaluation:
         return Evaluation(picture_error(image, truth, floor), crop(image, (0.71, 0.48), zoom=4))
 
     return Experiment(
@@ -217,9 +214,7 @@ def _made_scene() -> tuple[Scene, Camera]:
     return Scene(objects=items, lighting=Lighting(lights=(light,))), camera
 
 
-def _cast(
-    camera: Camera, options: RenderOptions
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+def _cast(camera: Camera, options: RenderOptions) -> tuple[Float32Array, BoolArray]:
     """Return a picture of the floor, (H, W, 3), and the pixels that show only it, (H, W)."""
     height, width = options.height, options.width
     rays = sight_rays(camera, width * _PER_SIDE, height * _PER_SIDE).reshape(-1, 3)
@@ -237,7 +232,7 @@ def _cast(
     )
 
 
-def _meets_ball(starts: FloatArray, directions: FloatArray) -> npt.NDArray[np.bool_]:
+def _meets_ball(starts: FloatArray, directions: FloatArray) -> BoolArray:
     """Return whether rays from outside the ball meet it."""
     to_middle = np.array(_BALL) - starts
     along = pm.vecdot(to_middle, directions)
@@ -250,18 +245,18 @@ def _on_scene(scene: Scene, settings: tuple[Setting, ...], case: Case) -> Experi
     options = with_width(scene.options(supersampling=2, buffer=None), case.choose(480, 64))
     camera = camera_of(scene, options)
 
-    def drawn(shadow: Shadow, choices: RenderOptions) -> npt.NDArray[np.float32]:
+    def drawn(shadow: Shadow, choices: RenderOptions) -> Float32Array:
         return draw(
             prepare(with_shadows(scene, shadow), choices, threads=case.threads), camera
         ).color
 
-    def work(value: tuple[int, float]) -> npt.NDArray[np.float32]:
+    def work(value: tuple[int, float]) -> Float32Array:
         return drawn(Shadow(size=value[0], filter_radius=value[1]), options)
 
     finest = Shadow(size=case.choose(_CONVERGED, 512), filter_radius=0.0)
     truth = drawn(finest, replace(options, supersampling=4, edges="supersample"))
 
-    def judge(value: tuple[int, float], image: npt.NDArray[np.float32]) -> Evaluation:
+    def judge(value: tuple[int, float], image: Float32Array) -> Evaluation:
         return Evaluation(picture_error(image, truth), crop(image))
 
     return Experiment(

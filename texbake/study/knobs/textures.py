@@ -6,10 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.mesh.shapes import plane
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.options import RenderOptions
@@ -40,10 +39,10 @@ def _prepare_texture_lookup(case: Case) -> Experiment:
     finest = single_level(chain.level(0))
     uvs, changes = floor.uvs(), floor.changes()
 
-    def picture(values: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    def picture(values: Float32Array) -> Float32Array:
         return values.reshape(floor.height, floor.width, -1)
 
-    def work(value: tuple[str, float]) -> npt.NDArray[np.float32]:
+    def work(value: tuple[str, float]) -> Float32Array:
         name, most = value
         return picture(
             sample(chain, uvs, changes, filter=name, max_anisotropy=most, threads=case.threads)
@@ -55,7 +54,7 @@ def _prepare_texture_lookup(case: Case) -> Experiment:
         total += sample(finest, there, filter="bilinear", threads=case.threads)
     truth = picture((total / _PER_SIDE**2).astype(np.float32))
 
-    def judge(value: tuple[str, float], image: npt.NDArray[np.float32]) -> Evaluation:
+    def judge(value: tuple[str, float], image: Float32Array) -> Evaluation:
         return Evaluation(picture_error(image, truth), crop(image, (0.5, 0.0)))
 
     values = [(name, 16.0) for name in _PLAIN] + [("ewa", float(n)) for n in _ANISOTROPIES]
@@ -84,13 +83,13 @@ def _on_scene(scene: Scene, case: Case) -> Experiment:
     camera = camera_of(scene, options)
     finest = replace(options, supersampling=case.choose(16, 4), edges="supersample")
 
-    def drawn(name: str, choices: RenderOptions = options) -> npt.NDArray[np.float32]:
+    def drawn(name: str, choices: RenderOptions = options) -> Float32Array:
         chosen = replace(choices, filter=name)
         return render_scene(scene, chosen, camera=camera, threads=case.threads).color
 
     truth = drawn("bilinear", finest)
 
-    def judge(name: str, image: npt.NDArray[np.float32]) -> Evaluation:
+    def judge(name: str, image: Float32Array) -> Evaluation:
         return Evaluation(picture_error(image, truth), crop(image))
 
     return Experiment(
@@ -138,15 +137,15 @@ def _prepare_interpolation(case: Case) -> Experiment:
         for n in {n for _, n in values}
     }
 
-    def drawn(value: tuple[str, int], buffer: str | None) -> npt.NDArray[np.float32]:
+    def drawn(value: tuple[str, int], buffer: str | None) -> Float32Array:
         name, n = value
         choices = replace(options, interpolation=name, buffer=buffer)
         return draw(prepare(scenes[n], choices, threads=case.threads), floor.camera).color
 
-    def work(value: tuple[str, int]) -> npt.NDArray[np.float32]:
+    def work(value: tuple[str, int]) -> Float32Array:
         return drawn(value, "uv")
 
-    def judge(value: tuple[str, int], image: npt.NDArray[np.float32]) -> Evaluation:
+    def judge(value: tuple[str, int], image: Float32Array) -> Evaluation:
         uvs = encode_srgb(image[..., :2]).astype(np.float64)[inside]
         off = _TEXELS * pm.norm(uvs - truth.reshape(*inside.shape, 2)[inside], axis=-1)
         return Evaluation(
@@ -205,12 +204,12 @@ def _prepare_noise(case: Case) -> Experiment:
     points = np.stack([x.ravel(), y.ravel(), np.full(side * side, 0.37)], axis=1)
     stored = {name: np.ascontiguousarray(points, kind) for name, kind in _TYPES.items()}
 
-    def values(name: str, octaves: int) -> npt.NDArray[np.float64]:
+    def values(name: str, octaves: int) -> FloatArray:
         return fractal_sum(stored[name], octaves=octaves, threads=case.threads)
 
     truth = values("float64", _TRUTH_OCTAVES)
 
-    def judge(value: tuple[str, int], sums: npt.NDArray[np.float64]) -> Evaluation:
+    def judge(value: tuple[str, int], sums: FloatArray) -> Evaluation:
         off = sums - truth
         picture = np.repeat((0.5 + 0.6 * sums).reshape(side, side, 1), 3, axis=2)
         return Evaluation(

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayScene
@@ -119,7 +119,7 @@ class Floor:
         points = self.camera.eye + rays * (self.camera.eye[1] / -rays[:, 1])[:, None]
         return np.stack([points[:, 0], -points[:, 2]], axis=1)
 
-    def changes(self) -> npt.NDArray[np.float32]:
+    def changes(self) -> Float32Array:
         """(H · W, 4) exact du/dx, dv/dx, du/dy, dv/dy for one pixel."""
         here, eye = self.rays().reshape(-1, 3), self.camera.eye
         to_right = (self.rays(right=1.0) - self.rays()).reshape(-1, 3)

@@ -14,7 +14,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
@@ -27,7 +26,7 @@ from texbake.baking.trace import BakeSetup, Trace
 from texbake.core import portable_math as pm
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals
 from texbake.mesh.tangents import shading_tangents
 from texbake.progress import Stages
@@ -79,12 +78,12 @@ class Probes:
         t = pm.vecmat(self.barycentrics, t4[:, :, :3])
         return np.stack([t, np.cross(n, t) * t4[:, 0, 3:], n], axis=1)
 
-    def normal_errors(self, tangent_normals: npt.NDArray[np.float32]) -> FloatArray:
+    def normal_errors(self, tangent_normals: Float32Array) -> FloatArray:
         """(n,) angles in degrees between the truth and a tangent-space normal map (H, W, 3)."""
         read = lookup(tangent_normals, self.uvs).astype(np.float64)
         return angles_deg(pm.vecmat(read, self.frames), self.normals)
 
-    def height_errors(self, heights: npt.NDArray[np.float32]) -> FloatArray:
+    def height_errors(self, heights: Float32Array) -> FloatArray:
         """(n,) differences in model units between the truth and a displacement map (H, W, 1)."""
         return np.abs(lookup(heights, self.uvs)[:, 0].astype(np.float64) - self.heights)
 
@@ -175,7 +174,7 @@ N_RAYS = _FINER**2 * _SAMPLES
 
 def mean_normals(
     pair: StudyPair, size: int, *, threads: int | None = None
-) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+) -> tuple[FloatArray, BoolArray]:
     """(size, size, 3) mean tangent-space normals over covered texels, and where known."""
     options = BakeOptions(size=_FINER * size, samples=_SAMPLES, threads=threads)
     inputs = BakeInputs.of(pair.high, pair.low, options)

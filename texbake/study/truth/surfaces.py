@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.records import dataclass
 
 # In radians, or in the units of the surface, which is about one unit wide.
@@ -42,9 +42,7 @@ class Surface(ABC):
     def slopes(self, points: FloatArray, directions: FloatArray) -> FloatArray:
         """(n,) slopes of the value at (n, 3) points along (n, 3) directions."""
 
-    def hits(
-        self, starts: FloatArray, directions: FloatArray
-    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    def hits(self, starts: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return where lines meet the surface near points that lie close to it.
 
         `starts` (n, 3) float64; `directions` (n, 3) float64: unit vectors of the lines through
@@ -62,7 +60,7 @@ class Surface(ABC):
 
     def first_hits(
         self, starts: FloatArray, directions: FloatArray, length: float
-    ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    ) -> tuple[FloatArray, BoolArray]:
         """Return where rays of a length first go from outside to inside.
 
         `starts`, `directions` (n, 3) float64. Returns `distances` (n,) float64 along the rays;
@@ -202,7 +200,7 @@ def wave_normals(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.asarray(normals / np.sqrt(np.square(normals).sum(axis=-1, keepdims=True)))
 
 
-def texel_grid(size: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+def texel_grid(size: int) -> tuple[FloatArray, FloatArray]:
     """Return x and y, (size, size) each, of the texels of an image; row 0 is the top."""
     middles = (np.arange(size) + 0.5) / size
     x, y = np.meshgrid(middles, middles[::-1])

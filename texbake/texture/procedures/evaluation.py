@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.mesh.mesh import Float32Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.procedures.noise import fractal, noise, turbulence, value_noise, worley
@@ -86,7 +87,7 @@ def evaluate(
     parameters: Mapping[str, Any] = MappingProxyType({}),
     scalar: bool = False,
     threads: int | None = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Evaluate a procedure at points.
 
     `points` (n, 3) or (n, 2) float64; `footprint` (n,), (n, 3) or (n, 2) float. Returns (n, 1) or

@@ -49,6 +49,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.procedures.options import INTERPOLATIONS, checked_parameters
@@ -71,11 +72,11 @@ class Lattice:
     # (512,) uint8; phi, repeated twice, so that a sum of two numbers below 256 can be looked up.
     permutation: npt.NDArray[np.uint8]
     # (256, 3) float64; unit vectors, uniform over the sphere: the gradients of 1985.
-    sphere: npt.NDArray[np.float64]
+    sphere: FloatArray
     # (256, 3) float64; vectors from the center of a cube to the middles of its edges: the gradients
     # of 2002.
-    edges: npt.NDArray[np.float64]
-    places: npt.NDArray[np.float64]  # (256, 3) float64; points, uniform in the unit cube
+    edges: FloatArray
+    places: FloatArray  # (256, 3) float64; points, uniform in the unit cube
 
 
 @lru_cache(maxsize=64)
@@ -129,9 +130,6 @@ class _SplitMix64:
             if 1e-4 < squared <= 1.0:
                 length = np.sqrt(squared)
                 return x / length, y / length, z / length
-
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -197,7 +195,7 @@ def fractal_sum(
     *,
     threads: int | None = None,
     **parameters: Any,
-) -> npt.NDArray[np.float64]:
+) -> FloatArray:
     """Return the signed sum of g^i noise(l^i p + i c); see `fractal`.
 
     `points` (n, 3) or (n, 2) float64: the cells of the lattice are unit cubes; `footprint` (n,) or

@@ -43,9 +43,9 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mesh.mesh import FloatArray
 from texbake.records import dataclass
 from texbake.texture.procedures.noise import WEIGHTS, gradients, lattice, squared_amplitudes
 from texbake.texture.procedures.options import DEFAULT_RAMPS
@@ -60,9 +60,9 @@ class Ramp:
     """Color ramp of a procedure."""
 
     # (k, 3) float64; linear RGB at evenly spaced values from 0 to 1. Read-only.
-    stops: npt.NDArray[np.float64]
+    stops: FloatArray
     # (3,) float64; mean color over the distribution of the procedure's values. Read-only.
-    mean: npt.NDArray[np.float64]
+    mean: FloatArray
 
 
 @lru_cache(maxsize=16)
@@ -150,7 +150,6 @@ def granite(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     )  # fmt: skip
 
 
-_Floats = npt.NDArray[np.float64]
 # Shares of the legend; a narrower pixel shows the value at its point.
 _NARROW = 1e-4
 
@@ -181,7 +180,9 @@ def radial(samples: ProcedurePoints, parameters: dict[str, Any]) -> Work:
     return work
 
 
-def legend_values(positions: _Floats, widths: _Floats, parameters: dict[str, Any]) -> _Floats:
+def legend_values(
+    positions: FloatArray, widths: FloatArray, parameters: dict[str, Any]
+) -> FloatArray:
     """(n,) mean value of a legend over intervals of these widths around positions."""
     start, end, wrap = (parameters[key] for key in ("start", "end", "wrap"))
     at, widths = (positions - start) / (end - start), np.abs(widths / (end - start))
@@ -195,13 +196,13 @@ def legend_values(positions: _Floats, widths: _Floats, parameters: dict[str, Any
     return np.clip(np.where(widths > _NARROW, means, _wrapped(at, wrap)), 0.0, 1.0)
 
 
-def _wrapped(at: _Floats, wrap: str) -> _Floats:
+def _wrapped(at: FloatArray, wrap: str) -> FloatArray:
     if wrap == "clamp":
         return np.clip(at, 0.0, 1.0)
     return at - np.floor(at) if wrap == "repeat" else 1.0 - np.abs(1.0 - at % 2.0)
 
 
-def _integral(at: _Floats, wrap: str) -> _Floats:
+def _integral(at: FloatArray, wrap: str) -> FloatArray:
     """Integral of the wrapped value from 0."""
     if wrap == "clamp":
         return 0.5 * np.clip(at, 0.0, 1.0) ** 2 + np.maximum(at - 1.0, 0.0)
@@ -213,12 +214,12 @@ def _integral(at: _Floats, wrap: str) -> _Floats:
     return whole + np.where(rest <= 1.0, 0.5 * rest**2, 1.0 - 0.5 * (2.0 - rest) ** 2)
 
 
-def _finite(points: _Floats) -> _Floats:
+def _finite(points: FloatArray) -> FloatArray:
     """Points as the other procedures take them: what is no number, or too far away, counts as 0."""
     return np.where(np.abs(points) <= 2.0**50, points, 0.0)
 
 
-def _widths(samples: ProcedurePoints, start: int, stop: int) -> _Floats:
+def _widths(samples: ProcedurePoints, start: int, stop: int) -> FloatArray:
     """(n, D) widths of the pixels along each axis; 0 for a point."""
     shape = (min(stop, len(samples.points)) - start, samples.n_dimensions)
     if samples.widths is None:

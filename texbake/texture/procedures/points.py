@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.records import dataclass
 
 # A function that evaluates the points start to stop - 1.
@@ -28,11 +29,11 @@ class ProcedurePoints:
     """Points at which to evaluate a procedure, and the array for the results."""
 
     # (n, 2 or 3) float64; contiguous; a missing third coordinate is 0.
-    points: npt.NDArray[np.float64]
+    points: FloatArray
     # (n, 1) or (n, 2 or 3) float32; widths of the pixels along all axes or along each. None:
     # nothing is filtered.
-    widths: npt.NDArray[np.float32] | None
-    out: npt.NDArray[np.float32]  # (n, 1 or 3) float32; values from 0 to 1, or linear RGB
+    widths: Float32Array | None
+    out: Float32Array  # (n, 1 or 3) float32; values from 0 to 1, or linear RGB
 
     @property
     def n_dimensions(self) -> int:
@@ -40,7 +41,7 @@ class ProcedurePoints:
         return int(self.points.shape[1])
 
 
-def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def checked_points(points: npt.ArrayLike) -> FloatArray:
     """Return points as a contiguous array; raise `OptionError` on another shape."""
     array = np.require(points, np.float64, ["C", "A"])
     if array.ndim != 2 or array.shape[1] not in (2, 3):
@@ -50,9 +51,7 @@ def checked_points(points: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return array
 
 
-def checked_widths(
-    footprint: npt.ArrayLike | None, points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float32] | None:
+def checked_widths(footprint: npt.ArrayLike | None, points: FloatArray) -> Float32Array | None:
     """Return widths for `ProcedurePoints`; raise `OptionError` if the shape is wrong."""
     if footprint is None:
         return None
@@ -70,7 +69,7 @@ def checked_widths(
 
 
 @lru_cache(maxsize=64)
-def unit_vector(direction: tuple[float, float, float]) -> npt.NDArray[np.float64]:
+def unit_vector(direction: tuple[float, float, float]) -> FloatArray:
     """Normalize a nonzero direction; return (3,) float64, read-only."""
     vector = np.asarray(np.array(direction, np.float64) / pm.norm(direction))
     vector.flags.writeable = False

@@ -26,9 +26,8 @@ from texbake.mapping.atlas.cutting.parts import (
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mapping.seams import BoolArray
 from texbake.mesh.frame import UnitGrid
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
