@@ -7,12 +7,14 @@ from dataclasses import field
 from typing import TYPE_CHECKING
 
 from texbake.errors import OptionError
-from texbake.mesh.mesh import Float32Array
 from texbake.records import dataclass
 from texbake.rendering.scene.textures import ImageTexture, Rgb
 from texbake.schema import check_fields, option
 
 if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
     from texbake.files import PathLike
     from texbake.texture.image import Image
 
@@ -139,11 +141,11 @@ class Environment:
     it where there is none. `rotate` turns it about the up axis, in degrees.
     """
 
-    image: PathLike | Image | Float32Array | None = option(
+    image: PathLike | Image | npt.NDArray[np.float32] | None = option(
         None,
         "Latitude-longitude image, twice as wide as high, or studio for a room with soft lamps.",
     )
-    faces: tuple[PathLike | Image | Float32Array, ...] = option(
+    faces: tuple[PathLike | Image | npt.NDArray[np.float32], ...] = option(
         (), "Six images of a cube map: +x, -x, +y, -y, +z, -z."
     )
     color: Rgb = option((0.0, 0.0, 0.0), "Linear color of an environment without an image.")
