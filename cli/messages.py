@@ -37,8 +37,6 @@ def with_flags(message: str, command: click.Command | None = None, *, opening: b
 
     Without `opening` the first word stays, even if it is the name of a parameter.
 
-    Examples
-    --------
     >>> bake = click.Command("bake", params=[click.Option(["--max-error"])])
     >>> with_flags("max_error: 'x' is no error; give `max_error=0.01%` or `samples`", bake)
     "--max-error: 'x' is no error; give --max-error 0.01% or `samples`"

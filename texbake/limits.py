@@ -195,8 +195,6 @@ _SECONDS = {"ms": 1e-3, "min": 60.0, "s": 1.0, "h": 3600.0}
 def parse_seconds(value: str | float) -> float:
     """Parse `20s`, `500ms`, `2min`, `1h`, or a plain number of seconds.
 
-    Examples
-    --------
     >>> parse_seconds("1.5min")
     90.0
     """

@@ -204,16 +204,7 @@ def _ids(baked: BakedMap, bits: int) -> EncodedMap:
 
 
 def id_colors(n: int) -> npt.NDArray[np.uint8]:
-    """Codes of the colors of ids 1 to n, after black for 0, which means no id.
-
-    Returns (n + 1, 3) uint8: sRGB, all different. Up to 1,024 ids, the colors of the first ones do
-    not depend on n.
-
-    Examples
-    --------
-    >>> len({tuple(color) for color in id_colors(500).tolist()})
-    501
-    """
+    """(n + 1, 3) sRGB codes of ids from 1, after black, all different; fixed up to 1,024 ids."""
     colors = np.zeros((n + 1, 3), dtype=np.uint8)
     if n > _MOST_READABLE:
         mixed = (np.arange(n + 1, dtype=np.int64) * _MIXER) & 0xFFFFFF

@@ -84,16 +84,7 @@ _LONGEST = 1e75
 
 
 def signed_areas(corners: FloatArray) -> FloatArray:
-    """Area of each triangle in texture space, negative where it is mirrored.
-
-    `corners` (F, 3, 2) float64. Returns (F,) float64, in units of the unit square; 0 for a triangle
-    without area.
-
-    Examples
-    --------
-    >>> signed_areas(np.array([[[0, 0], [1, 0], [0, 1]], [[0, 0], [0, 1], [1, 0]]], dtype=float))
-    array([ 0.5, -0.5])
-    """
+    """(F,) areas of triangles (F, 3, 2) in the texture, negative where mirrored."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return np.asarray((first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2.0)
 

@@ -64,8 +64,6 @@ def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlap
 
     `corners` (F, 3, 2) float64.
 
-    Examples
-    --------
     >>> square = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], dtype=float)
     >>> find_overlaps(square - [[[0, 0]], [[0, 0.1]]]).overlapping
     array([ True,  True])

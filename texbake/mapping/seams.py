@@ -29,8 +29,6 @@ def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
     `cut` (F,) bool: faces that are not joined to those where it is False. Returns (F,) int32:
     numbered from 0 in the order of their first faces.
 
-    Examples
-    --------
     >>> from texbake.mesh.shapes import plane
     >>> chart_ids(plane(2, 1))
     array([0, 0, 0, 0], dtype=int32)
@@ -89,18 +87,7 @@ def _used_once(edges: Int64Array) -> BoolArray:
 
 
 def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray:
-    """Number the connected groups of items.
-
-    Kernel: `core/union_find.c`.
-
-    `firsts`, `seconds` (N,) int: pairs of connected items. Returns (n_items,) int32: group of each
-    item, numbered from 0 in the order of first items.
-
-    Examples
-    --------
-    >>> merged_labels(4, np.array([3]), np.array([1])).tolist()
-    [0, 1, 2, 1]
-    """
+    """(n_items,) groups of items connected by pairs, by their first items; `core/union_find.c`."""
     labels = np.arange(n_items, dtype=np.int32)
     core.merge_labels(
         labels,

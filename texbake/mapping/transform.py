@@ -77,8 +77,6 @@ def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
 
     The angle falls off as (1 - (r / R)²)², so that the map and its first derivative are continuous.
 
-    Examples
-    --------
     >>> twirl(np.array([[0.5, 0.5], [1.0, 0.5], [3.0, 0.0]]), 90.0)
     array([[0.5, 0.5],
            [1. , 0.5],
@@ -107,8 +105,6 @@ def bulge(coordinates: FloatArray, strength: float) -> FloatArray:
 def power(coordinates: FloatArray, exponent: float) -> FloatArray:
     """Raise s and t to a power within each tile; whole numbers do not move.
 
-    Examples
-    --------
     >>> power(np.array([[0.5, 1.5], [-0.5, 1.0]]), 2.0)
     array([[ 0.25,  1.25],
            [-0.75,  1.  ]])

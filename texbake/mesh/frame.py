@@ -121,8 +121,6 @@ def unit_scale(size: float) -> float:
 
     Multiplying by it changes no bits but the exponent. The scale of size 0 is 1.
 
-    Examples
-    --------
     >>> unit_scale(1.0), unit_scale(1.5), unit_scale(0.125)
     (1.0, 0.5, 8.0)
     """

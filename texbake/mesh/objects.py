@@ -143,15 +143,7 @@ def without_borders(mesh: Mesh) -> Mesh:
 
 
 def object_names(mesh: Mesh) -> tuple[str, ...]:
-    """Name of the object of each group: what the names of its groups begin with, or their own.
-
-    Examples
-    --------
-    >>> mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]],
-    ...     face_groups=[0], group_names=("lid 0", "lid 1", "box"), group_objects=(0, 0, 1))
-    >>> object_names(mesh)
-    ('lid', 'lid', 'box')
-    """
+    """Name of the object of each group: what the names of its groups begin with, or their own."""
     if not mesh.group_objects:
         return mesh.group_names
     groups: dict[int, list[str]] = {}

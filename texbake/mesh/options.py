@@ -136,8 +136,6 @@ def length_of(name: str, what: str, value: str | float, diagonal: float) -> floa
 
     `value`: such as `0.02`, or `1%` of the diagonal.
 
-    Examples
-    --------
     >>> length_of("close", "a width", "2%", 50.0)
     1.0
     """

@@ -55,8 +55,6 @@ def triangulated(
     stay corners of triangles with area where the polygon allows that. Those of a polygon that
     crosses itself overlap or fold.
 
-    Examples
-    --------
     >>> corners = np.array([[0.0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0]])
     >>> triangulated("", corners, np.arange(4), np.array([4]))[0].tolist()
     [[0, 1, 2], [0, 2, 3]]

@@ -50,8 +50,6 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> Float32Array:
     `linear` (2, 2) float: the part of the transform from coordinates of the mesh to those of the
     image. Returns (2, 2) float32: unit vectors in coordinates of the mesh, one per row.
 
-    Examples
-    --------
     >>> image_axes(np.array([[0.0, -2.0], [2.0, 0.0]])).tolist()
     [[0.0, -1.0], [1.0, -0.0]]
     """
@@ -79,8 +77,6 @@ def corner_tangents(mesh: MeshLike) -> Float32Array:
 
     Returns (F, 3, 4) float32; x, y, z have unit length and are never NaN.
 
-    Examples
-    --------
     >>> from texbake.mesh.mesh import Mesh
     >>> square = Mesh(
     ...     positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0]], faces=[[0, 1, 2]],

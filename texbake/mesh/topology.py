@@ -246,8 +246,6 @@ def opposite_half_edges(
     triangles of one are neighbors even where other faces meet there. Returns (3 F,) int32: -1 at
     the boundary, and where more than two faces meet, or two of opposite winding.
 
-    Examples
-    --------
     >>> square = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     >>> opposite_half_edges(square).tolist()
     [-1, -1, 3, 2, -1, -1]

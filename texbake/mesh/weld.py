@@ -25,15 +25,7 @@ _SMALL = 1 << 14  # rows up to which parts and threads cost more than they bring
 
 
 def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray:
-    """First row that equals each row.
-
-    `rows` (N, K) float64, float32 or int32. Returns (N,) int32.
-
-    Examples
-    --------
-    >>> weld_rows(np.array([[1.0, 0.0], [2.0, 0.0], [1.0, -0.0]]))
-    array([0, 1, 0], dtype=int32)
-    """
+    """(N,) int32: first row that equals each row of (N, K) float64, float32 or int32."""
     rows = np.ascontiguousarray(rows)
     negative_zero = rows.view(f"u{rows.itemsize}") == 1 << (8 * rows.itemsize - 1)
     if negative_zero.any():
@@ -67,8 +59,6 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
 def unique_rows(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[np.intp], IntArray]:
     """Places of the first of equal rows, in order, and the number of each row among them.
 
-    Examples
-    --------
     >>> unique_rows(np.array([[1.0], [2.0], [1.0]]))
     (array([0, 1]), array([0, 1, 0], dtype=int32))
     """

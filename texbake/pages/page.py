@@ -115,8 +115,6 @@ def _policy(scripts: Sequence[str]) -> str:
 def number(x: float) -> str:
     """Format a number with three digits, without an exponent unless it is very small or large.
 
-    Examples
-    --------
     >>> [number(x) for x in (0.0, 0.123456, 12.3456, 1234.6, 0.0000123, float("nan"))]
     ['0', '0.123', '12.3', '1,235', '1.2e-05', '–']
     """

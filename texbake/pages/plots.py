@@ -85,8 +85,6 @@ def histogram_svg(values: npt.NDArray[np.floating], *, title: str, unit: str) ->
 def ticks(low: float, high: float) -> list[float]:
     """Return at most seven round numbers from `low` to `high`.
 
-    Examples
-    --------
     >>> ticks(-0.03, 0.021)
     [-0.03, -0.02, -0.01, 0.0, 0.01, 0.02]
     """

@@ -153,8 +153,6 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> Float32Array:
     follow each other are one net of all their directions, so that they can be shared out to the
     samples of a texel. Returns (S, n_rays, 3) float32; S is a power of two.
 
-    Examples
-    --------
     >>> direction_sets(64).shape
     (1024, 64, 3)
     """

@@ -142,19 +142,7 @@ def render_scene(
 def plan_scene(
     scene: Scene, options: RenderOptions | None = None, *, camera: Camera | None = None
 ) -> Plan:
-    """Return the passes that a picture of a scene needs and why, without running them.
-
-    The parameters are those of `render_scene`.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import cube
-    >>> from texbake.rendering.scene.material import Material
-    >>> from texbake.rendering.scene.scene import SceneObject
-    >>> dark = Scene(objects=(SceneObject(mesh=cube(), material=Material(shading="unlit")),))
-    >>> [item.name for item in plan_scene(dark).passes]
-    ['placing', 'slots', 'unlit']
-    """
+    """Return the passes that a picture of a scene needs and why, without running them."""
     options = options or scene.options()
     return plan_of(prepare(scene, options), camera or camera_of(scene, options))
 

@@ -65,8 +65,6 @@ class ErrorBounds:
 def parse_bounds(text: str) -> ErrorBounds:
     """Read bounds such as `0.5deg` for normals, `0.001` or `0.01%` for heights, or `0.5deg,0.01%`.
 
-    Examples
-    --------
     >>> parse_bounds("0.01%").of_map("height", 2.0)
     0.0002
     >>> str(parse_bounds("0.5deg, 0.001"))
@@ -103,8 +101,6 @@ def _positive(word: str) -> float | None:
 def parse_picture_bound(value: str | float) -> float:
     """Read a bound such as `2/255` or `0.01`, where black to white is 1.
 
-    Examples
-    --------
     >>> parse_picture_bound("51/255"), parse_picture_bound(0.01)
     (0.2, 0.01)
     """

@@ -123,8 +123,6 @@ def seconds_for(points: Sequence[tuple[float, float]], error: float) -> float | 
     Between two points the error is taken to fall as a power of the time, which is a straight line
     on logarithmic scales.
 
-    Examples
-    --------
     >>> seconds_for([(1.0, 8.0), (4.0, 2.0)], 4.0)
     2.0
     """

@@ -18,15 +18,7 @@ PAYS = 0.5
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Return the indices of the points (seconds, error) that no other beats, fastest first.
-
-    Of equal points the first is taken; points that are not finite are left out.
-
-    Examples
-    --------
-    >>> pareto_front([(1, 9), (2, 5), (3, 6), (4, 1)])
-    [0, 1, 3]
-    """
+    """Indices of the points (seconds, error) that no other beats, fastest first; finite ones."""
     order = sorted(range(len(points)), key=lambda i: (*points[i], i))
     front: list[int] = []
     for i in order:
@@ -39,13 +31,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 
 def convergence_order(a: tuple[float, float], b: tuple[float, float]) -> float:
-    """Return the exponent p of the step from a point of a front to a later one; inf if free.
-
-    Examples
-    --------
-    >>> convergence_order((1.0, 8.0), (4.0, 4.0))
-    0.5
-    """
+    """Return the exponent p of the step from a point of a front to a later one; inf if free."""
     if b[1] <= 0.0 or b[0] <= a[0]:
         return math.inf
     return pm.log(a[1] / b[1]) / pm.log(b[0] / a[0])

@@ -52,17 +52,7 @@ def sample_cube(
     filter: str = "bilinear",  # noqa: A002  # what the field calls it
     threads: int | None = None,
 ) -> Float32Array:
-    """Sample a cube map by direction, without seams between its faces.
-
-    `directions` (n, 3) float32, in world space, of any length; `levels` (n,) float32. Returns (n,
-    C) float32.
-
-    Examples
-    --------
-    >>> cube = CubeMap(np.arange(6, dtype=np.float32).reshape(6, 1, 1, 1))
-    >>> sample_cube(cube, np.array([[-2.0, 0.0, 0.0], [0.0, 0.0, 1.0]])).ravel().tolist()
-    [1.0, 4.0]
-    """
+    """(n, C) values of a cube map in directions (n, 3), without seams, at levels (n,)."""
     require_known("filter", filter, CUBE_FILTERS)
     if isinstance(cube, CubeMap):
         texels = cube.bordered.reshape(-1, cube.n_channels)

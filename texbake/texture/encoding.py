@@ -73,15 +73,7 @@ def code_type(bits: int) -> type[np.uint8] | type[np.uint16]:
 def quantize_unsigned(
     values: npt.NDArray[Any], bits: int, *, threads: int | None = None
 ) -> npt.NDArray[Any]:
-    """Quantize values in [0, 1] to the nearest codes; halves round up.
-
-    `values` (..., C) float32. Returns (..., C) uint8 or uint16.
-
-    Examples
-    --------
-    >>> quantize_unsigned(np.array([0.0, 0.5, 1.0, np.nan]), 8).tolist()
-    [0, 128, 255, 0]
-    """
+    """Quantize values (..., C) in [0, 1] to the nearest codes; halves round up."""
     factors = np.full(1, float(max_code(bits)))
     return _quantized(np.atleast_1d(values), bits, factors, np.zeros(1), threads)
 
@@ -89,15 +81,7 @@ def quantize_unsigned(
 def quantize_srgb(
     linear: npt.NDArray[Any], bits: int, *, n_colors: int | None = None, threads: int | None = None
 ) -> npt.NDArray[Any]:
-    """Quantize linear values as sRGB colors to the nearest codes; halves round up.
-
-    `linear` (..., C) float32. Returns (..., C) uint8 or uint16.
-
-    Examples
-    --------
-    >>> quantize_srgb(np.array([0.0, 0.5, 1.0, np.nan]), 8).tolist()
-    [0, 188, 255, 0]
-    """
+    """Quantize linear values (..., C) as sRGB to the nearest codes; halves round up."""
     n_channels = linear.shape[-1]
     n_colors = n_channels if n_colors is None else n_colors
     flat = np.require(linear, np.float32, ["C", "A"]).reshape(-1, n_channels)
@@ -178,15 +162,7 @@ def encode_normals(
     convention: str = "opengl",
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Encode unit vectors as the colors of a normal map, (n + 1) / 2.
-
-    `normals` (..., 3) float32: unit vectors. Returns (..., 3) uint8, uint16 or float32.
-
-    Examples
-    --------
-    >>> encode_normals(np.array([[1e-6, -1e-6, 1.0]]), bits=8).tolist()
-    [[128, 128, 255]]
-    """
+    """Encode unit vectors (..., 3) as the colors of a normal map, (n + 1) / 2."""
     signs = np.array([1.0, _green_sign(convention), 1.0])
     if bits == 32:
         return np.asarray(normals, np.float32) * (0.5 * signs).astype(np.float32) + np.float32(0.5)

@@ -191,15 +191,7 @@ def encode_image(
     is_color: bool = False,
     threads: int | None = 1,
 ) -> bytes:
-    r"""Encode an image as the bytes of a file.
-
-    `codes` (H, W, 3) or (H, W, 4) uint8; `is_color`: whether a PNG file is marked as sRGB.
-
-    Examples
-    --------
-    >>> encode_image(np.zeros((8, 8, 3), np.uint8), "jpeg")[:2]
-    b'\xff\xd8'
-    """
+    """Bytes of an image file of codes (H, W, 3 or 4); `is_color` marks a PNG as sRGB."""
     if encoding not in ENCODINGS:
         raise OptionError(f"encoding: {quoted(encoding)} is not known; use {', '.join(ENCODINGS)}")
     encoding = encoding_of(codes, encoding)

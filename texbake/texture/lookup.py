@@ -81,16 +81,7 @@ def row_of_v(v: FloatArray, height: float) -> FloatArray:
 
 
 def texel_coordinates(uvs: FloatArray, width: int, height: int) -> FloatArray:
-    """Convert texture coordinates to texels.
-
-    `uvs` (..., 2) float64; `width`, `height`: size of the image in texels. Returns (..., 2)
-    float64: continuous x and y, y down from the top edge; texel centers lie at halves.
-
-    Examples
-    --------
-    >>> texel_coordinates(np.array([[0.0, 1.0], [1.0, 0.0]]), 8, 4).tolist()
-    [[0.0, 0.0], [8.0, 4.0]]
-    """
+    """Continuous x and y (..., 2), down from the top edge, of uvs; texel centers are at halves."""
     uvs = np.asarray(uvs, dtype=np.float64)
     with np.errstate(over="ignore"):  # infinity lies outside every image
         return np.stack([uvs[..., 0] * width, row_of_v(uvs[..., 1], height)], axis=-1)
@@ -131,17 +122,7 @@ _RAMP_BAND = 1 << 18
 def ramp_lookup(
     stops: npt.NDArray[Any], values: npt.NDArray[Any], *, threads: int | None = None
 ) -> Float32Array:
-    """Look up colors of a ramp, interpolated between its stops.
-
-    `stops` (k, C) float32, linear colors at 0, 1 / (k - 1), ..., 1; `values` (n,) float32, outside
-    as at the nearer end. Returns (n, C) float32.
-
-    Examples
-    --------
-    >>> stops = np.array([[0.0], [1.0], [5.0]])
-    >>> ramp_lookup(stops, np.array([0.25, 0.75, 2.0])).ravel().tolist()
-    [0.5, 3.0, 5.0]
-    """
+    """(n, C) colors at values (n,) of a ramp of linear stops (k, C) at 0, 1 / (k - 1), ..., 1."""
     stops = np.require(stops, np.float32, ["C", "A"])
     if stops.ndim != 2 or stops.size == 0:
         raise OptionError(f"stops: the shape {stops.shape} is not (stops, channels)")

@@ -31,8 +31,6 @@ def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     `levels` sequence of (H, W, C). Returns (H, W, C): the finest level on the left, the others
     below each other on its right; 0 elsewhere.
 
-    Examples
-    --------
     >>> levels_picture([np.full((2, 2, 1), 5), np.full((1, 1, 1), 7)])[..., 0].tolist()
     [[5, 5, 7], [5, 5, 0]]
     """
@@ -50,15 +48,7 @@ def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
 
 
 def roughness_of_lengths(lengths: npt.NDArray[Any]) -> Float32Array:
-    """Return the roughness of a surface from the lengths of its averaged unit normals.
-
-    `lengths` (...) float32. Returns (...) float32.
-
-    Examples
-    --------
-    >>> [f"{roughness:.3f}" for roughness in roughness_of_lengths(np.array([1.0, 0.99, 0.0]))]
-    ['0.000', '0.376', '1.000']
-    """
+    """Roughness (...) of a surface from the lengths of its averaged unit normals."""
     r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
     # 2 / kappa, which is unbounded at r = 0.
     alpha_squared = 2 * (1 - r**2) / np.maximum(3 * r - r**3, np.finfo(np.float64).tiny)

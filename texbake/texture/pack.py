@@ -89,16 +89,7 @@ class PackedTextures:
 def pack_textures(
     images: Sequence[npt.NDArray[Any]], options: PackOptions | None = None
 ) -> PackedTextures:
-    """Pack several images into one.
-
-    `images` sequence of (H, W, C) float32, linear, with 1 to 4 channels each.
-
-    Examples
-    --------
-    >>> packed = pack_textures([np.ones((4, 4, 3)), np.zeros((2, 4, 1))], PackOptions(padding=0))
-    >>> packed.pixels.shape, packed.scale
-    ((4, 8, 3), 1.0)
-    """
+    """Pack several linear images (H, W, C), with 1 to 4 channels each, into one."""
     options = options or PackOptions()
     if not images:
         raise OptionError("images: there is none to pack; give at least one")
@@ -206,8 +197,6 @@ def place_rectangles(sizes: Sequence[Size], width: int, height: int) -> list[Siz
     `sizes` sequence of (width, height). Returns list of (left, top), or None, in the order of
     `sizes`. None if they do not fit in any of the orders that are tried.
 
-    Examples
-    --------
     >>> place_rectangles([(2, 1), (2, 3), (1, 1)], 4, 3)
     [(2, 0), (0, 0), (2, 1)]
     """

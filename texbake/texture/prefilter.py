@@ -94,8 +94,6 @@ def specular_levels(
 def hammersley(n_points: int) -> FloatArray:
     """Return evenly spread points (n, 2) in the unit square: (i + 1/2) / n, and i bit-reversed.
 
-    Examples
-    --------
     >>> hammersley(4).tolist()
     [[0.125, 0.0], [0.375, 0.5], [0.625, 0.25], [0.875, 0.75]]
     """

@@ -130,17 +130,7 @@ def sample_texture(
     max_anisotropy: float = 16.0,
     threads: int | None = None,
 ) -> Float32Array:
-    """Sample an image or a mip chain at texture coordinates of any shape.
-
-    `texture` (H, W, C) float32 or MipChain, linear values; `uvs` (..., 2) float64; `derivatives`
-    (..., 4) float32. Returns (..., C) float32.
-
-    Examples
-    --------
-    >>> image = np.array([[[0.0], [1.0]]], np.float32)
-    >>> sample_texture(image, np.array([[0.25, 0.5], [0.5, 0.5]])).ravel().tolist()
-    [0.0, 0.5]
-    """
+    """(..., C) of an image (H, W, C) or a mip chain, linear, at uvs (..., 2) of any shape."""
     if not isinstance(texture, MipChain):
         wanted = filter in ("trilinear", "ewa")
         texture = (

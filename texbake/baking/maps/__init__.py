@@ -50,8 +50,6 @@ def map_file_names(
 ) -> dict[str, str]:
     """Return the file names of maps.
 
-    Examples
-    --------
     >>> map_file_names("{asset}_{map}_{udim}.{ext}", asset="orc", maps=["normal"], ext="png")
     {'normal': 'orc_normal_1001.png'}
     """

@@ -78,8 +78,6 @@ class Tiles:
 def corner_of_tile(number: int) -> FloatArray:
     """(2,) float64: the lower left corner of a tile.
 
-    Examples
-    --------
     >>> corner_of_tile(1012).tolist()
     [1.0, 1.0]
     """

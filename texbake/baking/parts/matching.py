@@ -158,14 +158,7 @@ class Matching:
 def match_names(
     high_names: Sequence[str], low_names: Sequence[str], options: PartsOptions
 ) -> Matching:
-    """Find the high-poly parts of each low-poly part.
-
-    Examples
-    --------
-    >>> found = match_names(["a_high", "a_high_01", "b_high"], ["A_low"], PartsOptions())
-    >>> [(match.base, match.highs) for match in found.matches], found.high_left
-    ([('A', (0, 1))], (2,))
-    """
+    """Find the high-poly parts of each low-poly part."""
     low_bases = [base_of(name, options.low_suffix, exact=True) for name in low_names]
     high_bases = [base_of(name, options.high_suffix) for name in high_names]
     return _match_bases(high_names, low_names, high_bases, low_bases, options)
@@ -180,8 +173,6 @@ def pair_names(
     Low-poly objects may be named `crate_high` as well, because `simplify` keeps names.
     There must be several low-poly objects, no two with the same name.
 
-    Examples
-    --------
     >>> pair_names(["lid", "box_high"], ["box_low", "lid"], PartsOptions()).table()
     [('box_low', 'from box_high'), ('lid', 'from lid')]
     """
@@ -249,8 +240,6 @@ def base_of(name: str, suffix: str, *, exact: bool = False) -> str | None:
 
     With `exact` nothing may follow the suffix, else nothing that begins with a letter.
 
-    Examples
-    --------
     >>> base_of("Body_HIGH.001", "_high"), base_of("body_highlight", "_high")
     ('Body', None)
     """

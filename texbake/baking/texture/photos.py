@@ -213,16 +213,7 @@ def bake_photos(
     *,
     progress: Progress = None,
 ) -> TextureBake:
-    """Blend photographs into the texture of a mesh.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import plane
-    >>> camera = PhotoCamera(position=(0.5, 0.5, 3.0), target=(0.5, 0.5, 0.0))
-    >>> red = Photo(image=np.full((4, 4, 3), (0.5, 0.0, 0.0), np.float32), camera=camera)
-    >>> bake_photos(plane(), [red], PhotoOptions(size=16)).values[8, 8].tolist()
-    [0.5, 0.0, 0.0]
-    """
+    """Blend photographs into the texture of a mesh."""
     mesh = as_mesh(mesh)
     options = options or PhotoOptions()
     if not photos:

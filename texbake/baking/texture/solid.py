@@ -27,15 +27,7 @@ _LEAST_SIZE = 2.0**-1022  # in model units; what float64 can divide 2 by
 def bake_solid(
     mesh: MeshLike, options: SolidOptions | None = None, *, progress: Progress = None
 ) -> TextureBake:
-    """Bake a solid procedure into the texture of a mesh.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import plane
-    >>> options = SolidOptions(procedure="checker", scale=1.0, size=16, samples=1)
-    >>> bake_solid(plane(), options).values.shape
-    (16, 16, 1)
-    """
+    """Bake a solid procedure into the texture of a mesh."""
     mesh = as_mesh(mesh)
     options = options or SolidOptions()
     ramp = None if options.colors is None else np.asarray(options.colors, np.float32)

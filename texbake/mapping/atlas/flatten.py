@@ -53,8 +53,6 @@ def flatten(
     above 4; `keep_apart`: also stop each step before the boundary crosses itself. Returns None if
     the patch is not an oriented surface, or if it has no usable start and is no disk.
 
-    Examples
-    --------
     >>> bent = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 1]], dtype=float)
     >>> flat = flatten(bent, np.array([[0, 1, 2], [0, 3, 1]], dtype=np.int32))
     >>> round(flat.energy, 6), round(flat.l2, 6), flat.injective

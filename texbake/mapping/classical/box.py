@@ -199,15 +199,7 @@ def _without_small_regions(
 
 
 def box(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh onto the six sides of a box about its center.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import cube
-    >>> corners = box(cube(), UnwrapOptions(method="box", size=(300, 200), padding=0)).corners
-    >>> float(corners.min()), float(corners.max())
-    (0.0, 1.0)
-    """
+    """Map a mesh onto the six sides of a box about its center."""
     sides, tallies = box_sides(mesh)
     local = points_about(mesh, center_of(mesh, options.center), np.eye(3))
     points = local.points[mesh.faces]

@@ -208,14 +208,7 @@ def _mean_radius(local: LocalPoints, faces: IntArray, side: BoolArray) -> float:
 
 
 def spherical(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh by the directions from a center to its points.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import uv_sphere
-    >>> dict(spherical(uv_sphere(8, 16), UnwrapOptions(method="spherical", axis="z")).tallies)
-    {'faces touching a pole': 32}
-    """
+    """Map a mesh by the directions from a center to its points."""
     frame = frame_about("y" if options.axis is None else options.axis)
     local = points_about(mesh, center_of(mesh, options.center), frame)
     return onto_sphere(

@@ -58,8 +58,6 @@ def frame_about(axis: str | Vector) -> FloatArray:
     nearest of x, y, z and their opposites, rotated onto it by the smallest rotation. Returns (3, 3)
     float64: rows e1, e2 and the axis; read-only.
 
-    Examples
-    --------
     >>> frame_about("y")
     array([[0., 0., 1.],
            [1., 0., 0.],
@@ -78,19 +76,7 @@ def frame_about(axis: str | Vector) -> FloatArray:
 
 
 def upright_frame(normal: npt.ArrayLike) -> FloatArray:
-    """Frame of an upright view of a plane.
-
-    `normal` (3,) float: from the plane to the viewer, of any length above 0. Returns (3, 3)
-    float64: rows right, up and the normal. Up is as close to +y as the normal allows; seen from
-    above it is -z, and from below +z.
-
-    Examples
-    --------
-    >>> upright_frame((1, 0, 0))
-    array([[ 0.,  0., -1.],
-           [ 0.,  1.,  0.],
-           [ 1.,  0.,  0.]])
-    """
+    """(3, 3) rows right, up and `normal`, to the viewer; up is closest to +y, or else -z or +z."""
     vector = _unit(normal)
     right = np.array([vector[2], 0.0, -vector[0]])  # +y x normal
     if pm.hypot(right[0], right[2]) <= _ROUNDING:

@@ -34,14 +34,7 @@ _NORMAL_DIGITS = 12
 
 
 def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
-    """Map a mesh onto a plane, as seen from far away along the normal.
-
-    Examples
-    --------
-    >>> from texbake.mesh.shapes import cube
-    >>> dict(planar(cube(), UnwrapOptions(method="planar")).tallies)
-    {'faces seen from behind': 2, 'faces seen edge-on': 8}
-    """
+    """Map a mesh onto a plane, as seen from far away along the normal."""
     center = center_of(mesh, None)
     direction = options.normal or options.axis
     if direction is None and options.fit == "pca":

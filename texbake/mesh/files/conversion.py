@@ -20,8 +20,6 @@ def strip_triangles(indices: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
     `indices` (n,) integers; -1 begins another strip.
 
-    Examples
-    --------
     >>> strip_triangles(np.array([0, 1, 2, 3, -1, 4, 5, 6])).tolist()
     [[0, 1, 2], [1, 3, 2], [4, 5, 6]]
     """

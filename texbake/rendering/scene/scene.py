@@ -186,8 +186,6 @@ def transform_matrix(
     `translate`, in world units; `rotate`, in degrees, counter-clockwise seen from the tip of the
     axis.
 
-    Examples
-    --------
     >>> transform_matrix(rotate=(0, 90, 0), translate=(0, 5, 0)) @ [1, 0, 0, 1]
     array([ 0.,  5., -1.,  1.])
     """

@@ -202,8 +202,6 @@ def fractal_sum(
     (n, 3) float. Returns (n,) float64, of mean 0; an octave is within ±0.867 (cubic) or ±1.037
     (quintic) times its gain, and 0 at lattice points.
 
-    Examples
-    --------
     >>> bool(abs(fractal_sum([[3.0, -7.0, 1e9]], octaves=1)[0]) == 0.0)
     True
     """

@@ -128,8 +128,6 @@ _VECTORS = ("direction", "axis", "center")
 def checked_parameters(name: str, parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Check the given parameters of a procedure, and add the defaults of the others.
 
-    Examples
-    --------
     >>> checked_parameters("noise", {"seed": 4})
     {'weight': 'cubic', 'seed': 4}
     """

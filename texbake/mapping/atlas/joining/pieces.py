@@ -87,8 +87,6 @@ def hull_area(uvs: FloatArray) -> float:
     It is the area of the circumscribed polygon of 32 directions. With the extent h(i) in each
     direction, its sides have the lengths (h(i + 1) + h(i - 1) - 2 h(i) cos δ) / sin δ.
 
-    Examples
-    --------
     >>> round(hull_area(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [0.0, 1.0]])), 9)
     2.0
     """
