@@ -208,14 +208,7 @@ def _one_sided(
 def sample_surface(
     mesh: Mesh, n: int, seed: int = 0, *, threads: int | None = None
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Points spread evenly over a surface, in the order of its faces.
-
-    Each lies in its own n-th of the area, within its face at the next point of a
-    low-discrepancy sequence. A mesh without area gets its samples in equal steps of its faces.
-
-    Returns `points` (n, 3) float64; `face_ids` (n,) int32, not decreasing; `barycentrics` (n, 3)
-    float64: weights of the face's corners.
-    """
+    """Points in equal steps of area, in order of faces, with face ids and barycentrics."""
     if n < 1:
         raise OptionError(f"n: {n} is too few; it must be at least 1")
     local = LocalFrame.around(mesh).to_local(mesh.positions)

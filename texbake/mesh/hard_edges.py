@@ -241,11 +241,7 @@ def smoothed_normals(
     pairs: EdgePairs,
     is_smooth: BoolArray,
 ) -> dict[str, Any]:
-    """Return normals as fields of a mesh: none where no edge is hard.
-
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `slots` (F, 3) int64: corners of the
-    triangles; `is_smooth` (E,) bool: for each of the pairs.
-    """
+    """Return normals as fields of a mesh, smooth across pairs (E,); none where no edge is hard."""
     if is_smooth.all() and pairs.n_more == 0:
         return {}
     following = next_corners(polygons.sizes)

@@ -53,13 +53,7 @@ def degenerate_faces(mesh: Mesh) -> BoolArray:
 
 
 def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
-    """Angle-weighted unit normal of each vertex, over the faces that use it by its index.
-
-    Vertices that a file split at a seam keep apart here; see `smooth_normals`.
-
-    Returns (V, 3) float64: where the normals of the faces cancel, that of the first face with area;
-    0 where no face has area.
-    """
+    """(V, 3) angle-weighted unit normals of vertices by index; canceling ones as the first face."""
     faces = mesh.faces
     return weighted_normals(mesh.positions, faces, faces, mesh.n_vertices, threads=threads)
 
@@ -130,12 +124,7 @@ def weighted_normals(
     *,
     threads: int | None = None,
 ) -> FloatArray:
-    """Angle-weighted unit normals, each of the corners that share it.
-
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `rows` (F, 3) int32: the normal of each
-    corner. Returns (n_normals, 3) float64: summed over faces in their order; where faces cancel or
-    have no area, as `vertex_normals`.
-    """
+    """(n_normals, 3) angle-weighted unit normals of corners by `rows` (F, 3), in order of faces."""
     normals = np.zeros((n_normals, 3))
     # Brings the largest coordinate near 1, so that no product overflows.
     scale = unit_scale(max(float(positions.max()), -float(positions.min())))

@@ -141,12 +141,7 @@ def outlines(mesh: Mesh) -> Outlines:
 def _outer_edges(
     mesh: Mesh, polygons: IntArray, corners: Int64Array
 ) -> tuple[Int64Array, Int64Array]:
-    """Place the edges of the faces of polygons on the outlines.
-
-    `polygons`, `corners` (n,) integers. Returns `n_left` (n,) int64: edges from this one to the end
-    of the outline, counting this one; 0 for those inside; `bad` (m,) int64: polygons without one
-    outline, or with a seam inside.
-    """
+    """Edges left on the outline (n,), 0 inside, and polygons (m,) without one outline."""
     n = len(corners)
     vertices = mesh.faces.ravel()[corners]
     points = weld_rows(np.stack([polygons, vertices], axis=1))

@@ -146,13 +146,7 @@ def _from_spherical(theta: FloatArray, phi: FloatArray, radius_at: Field | None)
 
 
 def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:
-    """Icosahedron with each edge cut into `frequency` parts, projected onto the unit sphere.
-
-    Vertices come in the order corners, insides of edges, insides of faces, each computed once, so
-    that neighboring faces share them.
-
-    Returns `directions` (10 f² + 2, 3) float64; `faces` (20 f², 3) int32.
-    """
+    """Unit icosahedron of (10 f² + 2, 3) directions, each computed once, and faces (20 f², 3)."""
     corners, corner_faces = _icosahedron()
     sides = np.sort(corner_faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, side_edges = np.unique(sides, axis=0, return_inverse=True)

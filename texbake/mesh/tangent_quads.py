@@ -119,11 +119,7 @@ def agree(
     unmapped: BoolArray,
     preserving: BoolArray,
 ) -> None:
-    """Give both halves of a quadrilateral one orientation, in place.
-
-    `solid` (n,) int: the triangles that the other arrays belong to; `uvs` (n, 3, 2) float32;
-    `unmapped`, `preserving` (n,) bool: without area in the texture, and not mirrored.
-    """
+    """Give both halves of a quadrilateral one orientation, in place, in arrays of `solid` (n,)."""
     at = np.searchsorted(solid, quads.firsts)
     at = at[at < len(solid) - 1]
     is_first = np.isin(solid[at], quads.firsts) & (solid[at + 1] == solid[at] + 1)

@@ -275,11 +275,7 @@ def _fans(
 
 
 def _neighbors(vertices: IntArray) -> IntArray:
-    """(F, 3): the face across the edge from each corner to the next, -1 for none.
-
-    The edge must run the other way in the neighbor. Where more than two faces share an edge, each
-    face in turn pairs with the next free one.
-    """
+    """(F, 3) face across the opposite edge at each corner, -1 for none; else the next free."""
     ends = vertices[:, _NEXT]
     keys = edge_keys(vertices, ends).ravel()
     edges = np.argsort(keys, kind="stable")

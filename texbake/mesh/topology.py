@@ -124,13 +124,7 @@ def runs_of_keys(keys: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
 def wind_alike(
     n_faces: int, pairs: tuple[Int64Array, Int64Array], agree: BoolArray
 ) -> tuple[Int64Array, BoolArray]:
-    """Find parts of neighbors, each numbered by its first face, and faces wound against that face.
-
-    `pairs`, `agree` (n,): faces that are neighbors, and whether the two are wound alike. Returns
-    (F,) each. A part with one side, such as a Möbius strip, still has pairs that do not agree.
-
-    Kernel: `core/closed_surfaces.c`.
-    """
+    """Parts by first faces, and faces wound against those, by `core/closed_surfaces.c`."""
     parts, flips = np.arange(n_faces), np.zeros(n_faces, dtype=np.bool_)
     core.join_orientations(parts, flips, *pairs, ~agree)
     return parts, flips
@@ -173,16 +167,7 @@ def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
 
 
 def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
-    """Which side of a surface can be seen from outside: its front, its back, or both.
-
-    Vertices at the same position count as one, so that seams in a file do not open a surface. Takes
-    one pass over the faces, without building edges.
-
-    Returns `front` for a closed surface whose faces point outwards, `back` for one that is inside
-    out, and `both` for one that is open or has neighbors that point to opposite sides.
-
-    Kernel: `core/closed_surfaces.c`.
-    """
+    """Side seen from outside: `front`, `back`, or `both` of open ones; `core/closed_surfaces.c`."""
     keys = np.empty(mesh.n_vertices, np.uint64)
     hash_positions = partial(core.hash_positions, mesh.positions, keys)
     run_bands(hash_positions, mesh.n_vertices, band=_BAND, threads=threads)

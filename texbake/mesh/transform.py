@@ -130,12 +130,7 @@ def _once(mesh: Mesh) -> Mesh:
 def _refined(
     values: FloatArray, ids: IntArray, polygons: Outlines, *, keep_borders: bool = False
 ) -> tuple[FloatArray, Int64Array]:
-    """Divide and smooth values at corners of polygons.
-
-    `values` (n, K) float64; `ids` (F, 3) int32. Returns `values` (m, K) float64: those of vertices,
-    of the middles of edges, and of the middles of polygons; `quads` (C, 4) int64: rows of these for
-    each corner of a polygon: the corner, and on along its polygon.
-    """
+    """Smoothed values (m, K) of vertices, edges and polygons, and quads (C, 4) of corners."""
     sizes, n = polygons.sizes, len(values)
     corners = ids.ravel()[polygons.slots].astype(np.int64)
     polygon_of = np.repeat(np.arange(len(sizes)), sizes)

@@ -139,11 +139,7 @@ def morton_order(
     shift: float = 0.0,
     span: float = 1.0,
 ) -> tuple[IntArray, npt.NDArray[np.uint64]]:
-    """Face ids along a Morton curve through their centers, and their codes in that order.
-
-    The cube of the curve has at most `most_bits` bits along an axis. It is `span` times as large as
-    the mesh, and begins `shift` times the size of the mesh before it.
-    """
+    """Face ids along a Morton curve, and codes, in a cube of `span` times the mesh's size."""
     # The id fills the low bits of the sorted key, the code all others: sorting plain integers is
     # several times faster than finding the permutation that sorts them.
     id_bits = max(1, int(len(faces) - 1).bit_length())

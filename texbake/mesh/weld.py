@@ -71,24 +71,14 @@ def unique_rows(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[np.intp], IntArray]
 def unique_corners(
     vertices: npt.NDArray[np.integer], values: npt.NDArray[Any]
 ) -> tuple[FloatArray, IntArray]:
-    """Distinct values of each vertex, (n, K), and for each corner the number of its value.
-
-    Where a file lists a value for each corner, only corners that differ are then seams.
-
-    `vertices` (C,) or (F, 3) integers; `values` (C, K). Returns numbers shaped as `vertices`.
-    """
+    """Distinct values of each vertex (n, K), and the number of each corner's, as `vertices`."""
     rows = np.concatenate([vertices.reshape(-1, 1), values], axis=1, dtype=np.float64)
     kept, numbers = unique_rows(rows)
     return values[kept].astype(np.float64), numbers.reshape(vertices.shape)
 
 
 def split_vertices(mesh: Mesh) -> tuple[Int64Array, Int64Array, IntArray]:
-    """Split vertices so that each has one texture coordinate and one normal.
-
-    Returns `sources` (n,) int64: vertex of each new one: first those of the mesh, in their order,
-    then copies; `corners` (n,) int64: a corner of each, -1 for those that no face uses; `faces` (F,
-    3) int32.
-    """
+    """Vertex and corner (n,) of new vertices with one uv and one normal each, and their faces."""
     used = np.full(mesh.n_vertices, -1)
     keys = [mesh.faces.ravel()]
     for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
@@ -135,13 +125,7 @@ def without_copies(
     ids: npt.NDArray[np.integer],
     codes: npt.NDArray[np.unsignedinteger],
 ) -> BoolArray:
-    """Tell which faces to keep, so that no large stack of equal ones is left.
-
-    Faces whose corners are equal to about 1e-12 of the size of the mesh count as equal.
-
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `ids` (n,) int: faces, sorted by their codes;
-    `codes` (n,): equal for faces with the same corners. Returns (n,) bool.
-    """
+    """(n,) faces to keep of `ids` by equal `codes`, so that no stack of equal ones is left."""
     kept = np.ones(len(ids), dtype=np.bool_)
     if len(ids) <= _STACK:
         return kept

@@ -59,11 +59,7 @@ def encode_triangles(indices: npt.NDArray[Any], n_vertices: int) -> bytes:
 
 
 def ordered_triangles(indices: Int64Array, n_vertices: int) -> tuple[Int64Array, Int64Array]:
-    """Triangles in an order in which neighbors follow one another, and so compress to fewer bytes.
-
-    `indices` (3 F,) int64. Returns `indices` (3 F,) int64, of vertices in the order in which the
-    triangles use them; `vertices` (n_vertices,) int64: which of the old ones each new vertex is.
-    """
+    """Triangles (3 F,) that follow neighbors, so compress better, and the old id of each vertex."""
     given = np.ascontiguousarray(indices, np.uint32)
     codes = np.empty_like(given)
     _library().optimize_vertex_cache(codes, given, len(given), n_vertices)

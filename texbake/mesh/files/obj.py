@@ -199,11 +199,7 @@ def find_lines(data: ByteArray) -> Lines:
 def read_values(
     path: PathLike, data: ByteArray, lines: Lines, kind: int, width: int
 ) -> tuple[FloatArray, IntArray]:
-    """(n, width) numbers of the v, vt or vn lines, and (n,) how many words each line has.
-
-    Missing numbers are 0, unless too few are left to be used, which is an error. Words for NaN and
-    infinity give NaN.
-    """
+    """(n, width) numbers of v, vt or vn lines, 0 where missing, and (n,) counts of words."""
     values, n_words = _walk_lines(data, lines[kind], width)
     if np.isnan(values).any():
         row, column = np.argwhere(np.isnan(values))[0].tolist()

@@ -83,11 +83,7 @@ class SurfaceGrid:
 
 
 def lattice(columns: IntArray, rows: IntArray) -> tuple[IntArray, IntArray]:
-    """Nodes where lines cross, and the squares between them.
-
-    `columns` (C,) int32; `rows` (R,) int32. Returns `nodes` (C R, 2) int32: as in `SurfaceGrid`,
-    row by row; `quads` (Q, 4) int32: nodes of the corners of each square, counter-clockwise.
-    """
+    """Nodes (C R, 2) where lines cross, row by row, and squares (Q, 4), counter-clockwise."""
     nodes = np.stack(np.meshgrid(2 * np.arange(len(columns)), 2 * np.arange(len(rows))), axis=-1)
     across = np.flatnonzero(columns[:-1] != columns[1:])
     along = np.flatnonzero(rows[:-1] != rows[1:])
@@ -143,11 +139,7 @@ def grid_mesh(
     face_groups: IntArray | None = None,
     group_names: tuple[str, ...] = (),
 ) -> Mesh:
-    """Mesh of a grid, without vertices, coordinates and normals that no face uses.
-
-    `positions` (N, 3), `uvs` (N, 2), `normals` (N, 3) float64: of the nodes; of several nodes at
-    one vertex, the position of the first counts; `face_groups` (F,) int32.
-    """
+    """Mesh of a grid by values of nodes (N, ...), the first of a vertex, without unused ones."""
     kept, node_faces = used_rows(grid.faces, len(grid.nodes))
 
     first_nodes, vertex_of = unique_rows(grid.vertex_ids[kept][:, np.newaxis])
