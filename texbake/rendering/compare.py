@@ -238,12 +238,7 @@ def compare(
 def compare_shapes(
     high: Mesh, lows: Sequence[Mesh], options: RenderOptions, *, threads: int | None = None
 ) -> list[tuple[float, float]]:
-    """Mean angle between normals in degrees, and share of pixels that show different parts.
-
-    Returns a pair for each low-poly mesh, over six views. Low-poly meshes are shaded flat, because
-    a normal map corrects the shading of a surface, but not where it lies. The high-poly mesh is
-    drawn once.
-    """
+    """Mean angle of flat normals in degrees, and share of pixels that differ, over six views."""
     flat = (with_flat_normals(low, threads=threads) for low in lows)
     meshes, errors_of_lows = (high, *flat), []
     options = replace(options, edges="supersample", supersampling=1, back_faces="show")

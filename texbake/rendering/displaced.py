@@ -117,14 +117,7 @@ def undivided_triangles(faces: IntArray) -> tuple[Pieces, Places]:
 
 
 def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: int) -> BoolArray:
-    """(E,) bool: edges to cut, as many as a limit on the number of triangles allows.
-
-    Selects the edges that are too long, and the longest edge of every triangle that is cut. If
-    these are too many, the edges that exceed their limit the most come first.
-
-    `excess` (E,) float64: ratio of each edge's length to the allowed length; `points` (V, 3)
-    float64; `most`: maximum number of triangles after the cut.
-    """
+    """(E,) too long edges and the longest of each cut triangle, worst first, up to `most` faces."""
     wanted = excess > 1.0
     wanted &= pieces.ends[:, 0] != pieces.ends[:, 1]  # a base edge of length 0 has no middle
     too_long = np.flatnonzero(wanted)
@@ -146,12 +139,7 @@ def edges_to_cut(pieces: Pieces, excess: FloatArray, points: FloatArray, most: i
 def cut(
     pieces: Pieces, marked: BoolArray, points: FloatArray, *, threads: int | None = None
 ) -> tuple[Pieces, IntArray, Places]:
-    """Cut edges in the middle, and subdivide the triangles that they belong to.
-
-    `marked` (E,) bool; `points` (V, 3) float64: used to choose the shorter diagonal. Returns the
-    pieces, those of each triangle together; `ends` (M, 2) int32: the two vertices whose midpoint
-    each new vertex is; and the places of the new vertices.
-    """
+    """Halve marked edges (E,): pieces in order, ends (M, 2) of new vertices, and their places."""
     n_marked = int(np.count_nonzero(marked))
     halves = np.cumsum(marked, dtype=np.int32) + np.arange(len(marked), dtype=np.int32) - marked
     middles = (pieces.n_vertices - 1 + np.cumsum(marked)).astype(np.int32)
@@ -268,12 +256,7 @@ def _move_vertices(
 def texel_lengths(
     pieces: Pieces, texels: FloatArray | None, outside: npt.NDArray[np.uint8]
 ) -> FloatArray:
-    """(E,) float64: length of each edge in texels, the maximum over its triangles.
-
-    `texels` (F, 3, 2) float64: corners of the base triangles on the map, in texels; None for a map
-    of unlimited detail; `outside` (V,) uint8: a bit for each side of the picture that a vertex is
-    outside of. Triangles that are entirely outside of one side are ignored.
-    """
+    """(E,) longest texels of each edge over its base triangles (F, 3, 2) not outside one side."""
     lengths = np.zeros(len(pieces.ends))
     core.measure_texel_lengths(
         pieces.faces, pieces.face_edges, pieces.base_faces, pieces.base_weights, texels, outside,
@@ -310,11 +293,7 @@ class EdgeView:
     def excess(
         self, now: Displaced, texels: FloatArray | None, *, threads: int | None = None
     ) -> FloatArray:
-        """Ratio of each edge's length to the allowed length.
-
-        `texels` (F, 3, 2) float64: as in `texel_lengths`. Returns (E,) float64: 0 for an edge that
-        need not be cut, because it spans at most a texel or is not visible.
-        """
+        """(E,) ratio of edges to the allowed length; 0 where a cut would show nothing more."""
         n = len(now.points)
         outside, nearest, slants = np.empty(n, np.uint8), np.empty(n), np.empty(n)
         kernel = partial(

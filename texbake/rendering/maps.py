@@ -28,12 +28,7 @@ _NO_PIXELS = np.empty((0, 0, 1), np.float32)
 def normals_from(
     source: MapSource, *, convention: str | None = None, space: str | None = None
 ) -> tuple[FloatImage, str]:
-    """Decode the normals of a map, and find out their space.
-
-    `source`: an array holds unit vectors, +Y up in tangent space; the metadata of a file or image
-    gives its convention and space unless these are given. Returns `normals` (H, W, 3) float32;
-    `space`: `tangent`, `object` or `world`.
-    """
+    """Normals (H, W, 3) of a map, and their space: `tangent`, `object` or `world`."""
     if isinstance(source, np.ndarray):
         return _channels(source, "normal map", 3), space or "tangent"
     image = _read(source, color=False)
@@ -93,12 +88,7 @@ def heights_from(
     channel: int | None = None,
     n_channels: int = 1,
 ) -> FloatImage:
-    """(H, W, n_channels) float32: heights or vectors of a displacement map, in model units.
-
-    They are (value - mid) * scale. If `mid` or `scale` is None, it comes from the metadata of the
-    file or image, or else from the defaults 0 and 1. `channel` selects a channel other than the
-    first.
-    """
+    """(H, W, n_channels) heights (value - mid) * scale in model units, by metadata if None."""
     if isinstance(source, np.ndarray):
         image = Image(source[..., None] if source.ndim == 2 else source, name="displacement")
     else:

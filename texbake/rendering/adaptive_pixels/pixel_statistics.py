@@ -112,12 +112,7 @@ class PixelSums:
         side: int,
         is_opaque: bool,
     ) -> None:
-        """Write masked pixels of a window to a picture; `behind` is (h, w, 3) or (1, 1, 3).
-
-        `corner`: row and column of the first pixel of the window; `behind`: None if the sums
-        already include it; `side`: samples along one side of a pixel; `is_opaque`: count all
-        samples as opaque, because there is a background behind all surfaces.
-        """
+        """Write masked pixels of a window to a picture, over what is `behind`, if not None."""
         core.write_window(
             mask, *corner, side, _DARK if behind is None else behind, is_opaque, behind is not None,
             self.light, self.squares, self.covered, sums.light, sums.squares, sums.covered,

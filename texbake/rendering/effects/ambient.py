@@ -137,12 +137,7 @@ def add_ambient(
     share: Float32Array,
     light: Float32Array,
 ) -> None:
-    """Add the ambient light that a diffuse surface reflects to the outgoing light of points.
-
-    `up`: up axis of the world, `y` or `z`; `normals` (n, 3) float32: unit vectors; `base` (n or 1,
-    3) float32: base color; `share` (n or 1,) float32: unoccluded share of the ambient light;
-    `light` (n, 3) float32: added to in place.
-    """
+    """Add to `light` (n, 3) the unoccluded share of ambient light that base colors reflect."""
     two_sided = ambient.ground is not None and len(normals) > 0
     core.reflect_ambient(
         normals if two_sided else np.empty((0, 3), np.float32),

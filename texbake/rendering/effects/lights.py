@@ -35,11 +35,7 @@ _AROUND_CORNERS = 0.99
 
 @dataclass(frozen=True, eq=False)
 class PlacedLight:
-    """A light in world space, in the form that the kernels take.
-
-    `direction` is the unit vector along which the light travels; `cosines` belong to the inner and
-    outer cone, and are both -1 for a point light.
-    """
+    """A light in world space for the kernels, where it shines to; `cosines` of a cone or -1."""
 
     kind: str
     radiance: Float32Array

@@ -85,11 +85,7 @@ def pixel_steps(fragments: Fragments, state: RenderState) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class ProjectedPoints:
-    """Where points lie on a projected picture.
-
-    `coverage` (n,) is the share of the pixel inside the unit square, `changes` (n, 4) are the
-    derivatives of `places` (n, 2) per pixel; None for a filter without a footprint.
-    """
+    """Places (n, 2) on a picture, their changes (n, 4) per pixel, and coverage (n,) by it."""
 
     places: FloatArray
     changes: Float32Array | None
@@ -103,12 +99,7 @@ class ProjectedPoints:
 def project_onto(
     matrix: FloatArray, points: FloatArray, steps: FloatArray | None, filter_name: str
 ) -> ProjectedPoints:
-    """Project points onto a picture with this filter.
-
-    `matrix` (4, 4) transforms world space to (s, t, r, q), `points` (n, 3) are in world space, and
-    `steps` (n, 2, 3) are as in `pixel_steps`. The coverage is 0 behind the projector (q <= 0), and
-    0 or 1 without steps.
-    """
+    """Project world points (n, 3), with `pixel_steps`, onto a picture by (4, 4); 0 behind it."""
     n = len(points)
     has_footprint = filter_name in FILTERS_WITH_FOOTPRINT
     places, coverage = np.empty((n, 2)), np.empty(n, np.float32)

@@ -139,11 +139,7 @@ def perspective_views(light: Light, placed: PlacedLight, casters: Sequence[Box])
 def parallel_view(
     light: Light, placed: PlacedLight, pairs: Sequence[tuple[Box, FloatArray]]
 ) -> tuple[FloatArray, tuple[int, int]] | None:
-    """Fit the view of a directional light; returns its matrix and the map's rows and columns.
-
-    `pairs`: the caster's box (8, 3) in world space, and the bounds (2, 3) of the visible part of
-    the receiver along the light's axes. Returns None if no caster lies in front of a receiver.
-    """
+    """Matrix and size of a directional light's map of casters and seen receivers; None without."""
     assert light.shadow is not None
     shared, depths = [], []
     for caster, seen in pairs:
