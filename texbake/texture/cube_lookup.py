@@ -120,10 +120,7 @@ def to_latitude_longitude(
 
 
 def _with_wide_texels(image: Float32Array, width_rad: float) -> Float32Array:
-    """Average rows of an image over at least `width_rad` radians along its circle of latitude.
-
-    The mean of each row is preserved. Rows whose texels are wide enough are unchanged.
-    """
+    """Average rows over at least `width_rad` along their circle of latitude, keeping means."""
     height, width, _ = image.shape
     out = image.copy()
     latitudes = ((np.arange(height) + 0.5) / height - 0.5) * np.pi

@@ -160,11 +160,7 @@ def fill_bordered(faces: Float32Array, out: Float32Array) -> None:
 
 @lru_cache(maxsize=32)
 def _beyond_edges(size: int) -> tuple[tuple[npt.NDArray[Any], ...], ...]:
-    """Return the texels beyond the left, right, top and bottom edges of each face.
-
-    Each edge gives faces, rows and columns (6, S): the texels whose centers lie half a texel beyond
-    the edge on the neighboring face.
-    """
+    """Faces, rows and columns (6, S) of texels beyond the left, right, top and bottom edges."""
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     right, down, middle = (FACE_AXES[:, None, axis] for axis in range(3))
     inward = (1.0 - 1.0 / size) * middle

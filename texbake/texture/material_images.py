@@ -39,11 +39,7 @@ _ALPHA = 3
 def image_codes(
     image: ChannelImage, *, is_color: bool, threads: int | None = None
 ) -> tuple[FloatImage, int]:
-    """Decode an image without turning sRGB into linear values.
-
-    `is_color`: whether floats, which are linear, become sRGB codes. Returns `pixels` (H, W, C)
-    float32: codes, scaled to [0, 1]; `bits` per channel that hold them, 8 or 16.
-    """
+    """Codes (H, W, C) in [0, 1], sRGB of floats if `is_color`, and the bits that hold them."""
     found = decode_image(image.data, image.name, color=False, threads=threads)
     pixels = found.pixels
     if found.is_float:

@@ -99,11 +99,7 @@ def mip_chain(
     roughness: bool = False,
     threads: int | None = None,
 ) -> MipChain:
-    """Compute all mip levels of an image of any size, down to 1 x 1.
-
-    `image` (H, W, C) float32, linear values; `kind`: "color" or "data", which are averaged, or
-    "normal": unit vectors.
-    """
+    """Mip levels of a linear image (H, W, C) down to 1 x 1; of kind color, data or normal."""
     image = require_image(image)
     along_u, along_v = map(wrap_code, wrap_pair(wrap))
     require_known("kind", kind, KINDS)

@@ -46,13 +46,7 @@ class NearestOwners:
 def nearest_owner(
     chart_ids: IntArray, padding: int, *, threads: int | None = None
 ) -> NearestOwners:
-    """Find the nearest owner of each texel, up to `padding` texels away.
-
-    The time grows with the padding. Up to 64 texels, as in practice, it costs less than reading the
-    image; a padding as wide as the image costs as much as trying every column for every texel.
-
-    `chart_ids` (H, W) int32: the owner of each texel, -1 for none; `padding`, in texels.
-    """
+    """Nearest owner of each texel (H, W), up to `padding` texels away, which takes its time."""
     if not 0 <= padding < NO_OWNER:
         raise OptionError(f"padding: {padding} is not between 0 and {NO_OWNER - 1} texels")
     charts = np.require(chart_ids, np.int32, ["C", "A"])

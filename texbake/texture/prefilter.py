@@ -143,12 +143,7 @@ _RIM_POWER = 3
 
 @lru_cache(maxsize=4)
 def split_sum_table(size: int = 64) -> Float32Array:
-    """Return the scale and bias of F0 by n·v and roughness.
-
-    A surface with the specular color F0 reflects the prefiltered light times F0 scale + bias.
-
-    Returns (size, size, 2) float32: a row for each roughness, a column for each n·v. Read-only.
-    """
+    """(size, size, 2) scale and bias of F0, by roughness in rows and n·v in columns."""
     require_least("size", size)
     centers = (np.arange(size) + 0.5) / size
     rows = [_scales_and_biases(roughness**2, centers) for roughness in centers]

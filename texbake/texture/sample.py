@@ -76,12 +76,7 @@ def sample(
     max_anisotropy: float = 16.0,
     threads: int | None = None,
 ) -> Float32Array:
-    """Sample an image at texture coordinates.
-
-    `uvs` (n, 2) float64; `derivatives` (n, 4) float32: du/dx, dv/dx, du/dy, dv/dy, the changes from
-    one pixel to the next; `border` float or (C,). Returns (n, C) float32; a constant image gives
-    exactly its constant wherever the border is not read.
-    """
+    """Sample a chain at uvs (n, 2); derivatives (n, 4) are du/dx, dv/dx, du/dy, dv/dy per pixel."""
     require_known("filter", filter, FILTERS)
     code = wrap_codes(wrap)
     require_least("max_anisotropy", max_anisotropy)
