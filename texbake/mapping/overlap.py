@@ -111,12 +111,7 @@ def _n_folded(mesh: Mesh, threads: int | None) -> int:
 
 
 def overlap_layers(corners: FloatArray, charts: IntArray, *, depth: float) -> IntArray:
-    """Spread the faces of each chart over layers, so that no two faces of one layer overlap.
-
-    `corners` (F, 3, 2) float64; `charts` (F,) int32; `depth`: overlaps up to this depth, in the
-    unit of `corners`, do not count. Returns (F,) int32: layer of each face, the lowest that earlier
-    faces leave free.
-    """
+    """(F,) lowest layer in which a face overlaps no earlier one of its chart by `depth`."""
     corners = _along_their_edges(corners)
     charts = np.ascontiguousarray(charts, dtype=np.int32)
     layers = np.zeros(len(corners), dtype=np.int32)

@@ -45,11 +45,7 @@ def border_edges(mesh: Mesh) -> BoolArray:
 
 
 def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
-    """Edges along which the texture is cut but the surface is not, on both sides of each seam.
-
-    `faces` (F,) bool: the faces to look at, as if there were no others. Returns (F, 3) bool: True
-    for each edge, from a corner to the next, that is a seam; False for other faces.
-    """
+    """(F, 3) edges where the texture is cut but the surface is not, on both sides."""
     kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
     in_texture = edge_ids(_texture_corners(mesh)[kept])
     in_space = edge_ids(weld_rows(mesh.positions)[mesh.faces[kept]])

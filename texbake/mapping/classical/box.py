@@ -214,12 +214,7 @@ def side_pictures(
     half_size: FloatArray,
     options: UnwrapOptions,
 ) -> FloatArray:
-    """Project faces onto the sides of a box and arrange the six pictures in the texture.
-
-    `points` (F, 3, 3) float64: corners relative to the center of the box, +y up in the pictures;
-    `sides` (F,) int: 0 to 5 for +x, -x, +y, -y, +z, -z; `half_size` (3,) float64. Returns (F, 3, 2)
-    float64.
-    """
+    """(F, 3, 2) coordinates of corners (F, 3, 3) about the center in pictures of sides 0 to 5."""
     if options.overlap:
         size = np.ones(2)
         middles, per_length = np.full((N_SIDES, 2), 0.5), _scale(0.5, half_size.max())

@@ -94,10 +94,7 @@ def center_of(mesh: Mesh, center: Vector | None) -> FloatArray:
 
 
 def in_frame(vectors: FloatArray, rows: FloatArray) -> FloatArray:
-    """(..., K) float64: components of vectors (..., 3) along K rows, (K, 3), of a frame.
-
-    Summed term by term, since a matrix product may round equal vectors differently.
-    """
+    """(..., K) components of vectors along rows (K, 3); a matrix product would round otherwise."""
     x, y, z = (vectors[..., i] for i in range(3))
     return np.stack([row[0] * x + row[1] * y + row[2] * z for row in rows], axis=-1)
 

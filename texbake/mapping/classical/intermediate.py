@@ -49,12 +49,7 @@ class Plane:
     name: str = "plane"
 
     def hits(self, points: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Where rays hit the plane.
-
-        `points` (N, 3) float64; `directions` (N, 3) float64, of unit length, or (0, 0, 0), which
-        hits nothing. Returns `hits` (N, 3) float64: where each ray leaves the inside of the
-        surface, or crosses the plane; its start if it misses; `missed` (N,) bool.
-        """
+        """Where rays (N, 3) leave the surface, or their start, and (N,) whether they miss."""
         towards = directions[:, 2]
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             met = points + ((self.height - points[:, 2]) / towards)[:, None] * directions
