@@ -150,10 +150,7 @@ class LowSurface:
 
 @dataclass(frozen=True, eq=False)
 class BakeInputs:
-    """Both meshes of a bake with their normals and tangents, in model space.
-
-    Made by `BakeInputs.of`.
-    """
+    """Both meshes of a bake with normals and tangents, in model space; from `BakeInputs.of`."""
 
     high_surface: HighSurface
     low_surface: LowSurface

@@ -129,11 +129,7 @@ class BakeScenes:
         )
 
     def reach(self, low: Mesh, kind: str) -> FloatArray:
-        """(F, 3, 2) float64: local distances of rays of a kind at each corner; measured once.
-
-        `low`: the low-poly mesh, or that mesh with the texture coordinates of a tile. On a tile,
-        the rays of faces that coincide are all as long as those of the first.
-        """
+        """(F, 3, 2) local ray distances at corners, also of a tile; measured once for each kind."""
         if kind not in self._reaches:
             extent = self.extent((kind,))
             _, probe = self._measured[kind]

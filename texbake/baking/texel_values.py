@@ -97,11 +97,7 @@ class TexelSums:
         self._n_samples = self.n_hits
 
     def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
-        """(height, width, channels) float32: values of hits, and the neutral value elsewhere.
-
-        `MapKind.combine` determines how samples are combined. The sums are overwritten, so that
-        this can be called once for each map.
-        """
+        """(height, width, channels) values, neutral without hits; may be called once per map."""
         options = self._inputs.options
         sums = self._sums.pop(kind)
         shape = (options.height_px, options.width_px, kind.channels)
@@ -140,12 +136,7 @@ Float32Array = npt.NDArray[np.float32]
 
 
 class ChartPadding:
-    """Pads and fills around the charts of several maps of one bake.
-
-    The nearest texels are found once for all of them.
-
-    `texel_charts` (H, W) int32; `has_data` (H, W) bool: texels with a hit.
-    """
+    """Pads and fills around charts (H, W) of several maps, by nearest texels found once."""
 
     def __init__(
         self,

@@ -167,11 +167,7 @@ def owned_samples(
     *,
     threads: int | None = None,
 ) -> Samples:
-    """List the owned samples of `rasterize_uv` tile by tile, with their barycentrics.
-
-    The rays of a tile start close together and have similar directions, which makes casting them
-    fast. All samples of a texel lie in one row of tiles.
-    """
+    """List the owned samples of `rasterize_uv` tile by tile, with their barycentrics."""
     n_bands = -(-len(owners) // TILE)
     counts = np.array(
         [np.count_nonzero(owners[i * TILE : (i + 1) * TILE] != NO_FACE) for i in range(n_bands)],

@@ -67,13 +67,7 @@ class TexelCoverage(NamedTuple):
         self, bins: FaceBins, owners: IntArray, outlined: BoolArray, rows: range,
         threads: int | None,
     ) -> None:  # fmt: skip
-        """Fill in some rows of texels.
-
-        Kernel: `core/edge_functions.c`.
-
-        `owners` (len(rows), width) int32: faces that own the centers of these texels; `outlined`
-        (height, width) bool: texels that outlines pass through, by `outlined_texels`.
-        """
+        """Fill in rows of texels by their owners and outlines, in `core/edge_functions.c`."""
         width = owners.shape[1]
         band = slice(rows.start * width, rows.stop * width)
         counts, masks = self.counts[band], self.masks[band]

@@ -180,11 +180,7 @@ class TexelError:
         return means, steps
 
     def of_four(self, steps: FloatArray32, parents: IntArray, means: FloatArray32) -> FloatArray32:
-        """Estimate errors of texels with four more samples, and write their means.
-
-        `steps` (n_texels,) float32: from `of_samples`; `parents` (n,) int32: the texels; `means`
-        (n_texels, C) float32: gets the means of these texels.
-        """
+        """Errors of texels (n,) with four more samples, whose means (n_texels, C) it writes."""
         errors = np.empty(len(parents), dtype=np.float32)
         cells = self.cells
 

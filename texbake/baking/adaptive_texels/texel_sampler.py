@@ -67,11 +67,7 @@ class Division:
 
 
 class Cells:
-    """All cells: the texels, each at the place of its id, then one level after another.
-
-    The texels can be divided again, more or less finely. Values sampled so far stay in memory, and
-    cells of the new division reuse them.
-    """
+    """All cells: texels by their ids, then level by level; new divisions reuse their samples."""
 
     def __init__(self, n_texels: int, n_channels: int) -> None:
         # Memory that is never written to costs nothing, so this leaves room for many levels.

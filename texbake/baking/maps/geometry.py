@@ -86,11 +86,7 @@ def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def vector_displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Vector from the low-poly surface to each hit, in model units: (n, 3) float32.
-
-    Unlike a height it also holds overhangs. In tangent space x T + y B + z N is that vector, with
-    the interpolated T, B and N.
-    """
+    """Vector from the low-poly surface to each hit, in model units or T, B, N: (n, 3)."""
     values = hits.offsets.copy()
     if inputs.options.space == "tangent":
         to_tangent_space(hits, inputs, values, normalize=False)
@@ -133,23 +129,14 @@ def opacity_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Open share of the hemisphere above each hit: (n, 1) float32 in [0, 1].
-
-    Weighted by the cosine of the angle to the normal: 1 for a convex surface, 1/2 everywhere in a
-    hemispherical bowl.
-    """
+    """Open share of the hemisphere above each hit, weighted by the cosine: (n, 1) in [0, 1]."""
     from texbake.raycast.rays import OPEN
 
     return _met(hits, slice(OPEN, OPEN + 1), "ao")
 
 
 def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Unit vector of the mean open direction above each hit: (n, 3) float32.
-
-    The mean is weighted as for ambient occlusion, and the vector is in the space of normals that
-    the options specify. It is the high-poly normal where no direction is open, and flat, (0, 0, 1),
-    where the tangent frame is singular.
-    """
+    """Unit vector of the mean open direction above each hit, in the space of normals: (n, 3)."""
     import numpy as np
 
     from texbake.core import portable_math as pm

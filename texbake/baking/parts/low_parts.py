@@ -86,13 +86,7 @@ def corner_of_tile(number: int) -> FloatArray:
 
 
 class BakeTarget(NamedTuple):
-    """One set of maps: a texture set and a UDIM tile.
-
-    Attributes
-    ----------
-    texture_set : str
-        Empty if there is only one.
-    """
+    """One set of maps: a texture set, empty if there is only one, and a UDIM tile."""
 
     texture_set: str
     udim: int

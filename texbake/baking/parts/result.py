@@ -229,11 +229,7 @@ class TargetMaps:
         n_faces: int,
         is_stacked: npt.NDArray[np.bool_] | None = None,
     ) -> None:
-        """Add a part that was baked without padding.
-
-        `face_ids` (F,) int32: faces of the part in the whole mesh; `n_faces`: how many of them are
-        on these maps; `is_stacked` (F,) bool: faces that share their texels on purpose.
-        """
+        """Add a part that was baked without padding, with its faces (F,) in the whole mesh."""
         covered = result.texel_faces != NO_FACE
         first = not self._values
         if first:
@@ -274,10 +270,7 @@ class TargetMaps:
         )
 
     def finish(self, inputs: BakeInputs, stages: Stages, folder: Path | None) -> BakeResult | None:
-        """Pad and fill; None if no part was added.
-
-        With a folder, the values are kept in files there instead of in memory.
-        """
+        """Pad and fill, in files of a folder if there is one; None if no part was added."""
         if not self._reports:
             return None
         maps, meets = finished_maps(
