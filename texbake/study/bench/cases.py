@@ -339,11 +339,7 @@ def _written(mesh: Mesh, path: Path) -> str:
 
 
 def own_case(high: Mesh, low: Mesh) -> BenchCase:
-    """Return a case of a user's pair, as all programs can read it.
-
-    Positions are rounded to float32 and normals are left out. The low-poly mesh is unwrapped if it
-    has no texture coordinates. Ray distances are those that texbake measures.
-    """
+    """Case of a user's pair, in float32 and without normals, as all programs can read it."""
     high, low = _bare(high), _bare(low)
     low = low_with_uvs(high, low)
     frame = LocalFrame.around(high, low)

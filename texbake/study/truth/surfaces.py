@@ -43,12 +43,7 @@ class Surface(ABC):
         """(n,) slopes of the value at (n, 3) points along (n, 3) directions."""
 
     def hits(self, starts: FloatArray, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return where lines meet the surface near points that lie close to it.
-
-        `starts` (n, 3) float64; `directions` (n, 3) float64: unit vectors of the lines through
-        them. Returns `points` (n, 3) float64; `converged` (n,) bool: false for a line that only
-        touches the surface, or passes by.
-        """
+        """Points (n, 3) where lines meet the surface near their starts, and (n,) whether."""
         points = np.array(starts)
         for _ in range(_ROUNDS):
             values, along = self.value(points), self.slopes(points, directions)
@@ -61,11 +56,7 @@ class Surface(ABC):
     def first_hits(
         self, starts: FloatArray, directions: FloatArray, length: float
     ) -> tuple[FloatArray, BoolArray]:
-        """Return where rays of a length first go from outside to inside.
-
-        `starts`, `directions` (n, 3) float64. Returns `distances` (n,) float64 along the rays;
-        `found` (n,) bool. What is thinner than a 48th of the length can be missed.
-        """
+        """Distances (n,) where rays go inside, and (n,) whether; steps are 1/48 of the length."""
         steps = np.linspace(0.0, length, _STEPS + 1)
         before = np.full(len(starts), -1, dtype=np.int64)
         was_outside = self.value(starts) > 0.0
