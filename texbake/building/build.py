@@ -45,18 +45,12 @@ _MEMORY_SHARE = 0.8
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """What a build would do with one step.
-
-    Attributes
-    ----------
-    state : str
-        `current`, `runs`, `may run` (a step before it runs) or `fails`.
-    """
+    """What a build would do with one step."""
 
     asset: str
     step: str
     kind: str
-    state: str
+    state: str  # `current`, `runs`, `may run` (a step before it runs) or `fails`
     why: str
 
 
@@ -130,20 +124,12 @@ def plan_build(path: PathLike, options: BuildOptions | None = None) -> list[Plan
 
 
 class Site:
-    """The folders of a build.
-
-    Attributes
-    ----------
-    inside : Path
-        For the next build: the lock, digests, and the store unless it is elsewhere.
-    outputs : str
-        Folder or URL.
-    """
+    """The folders of a build."""
 
     def __init__(self, pipeline: Pipeline, options: BuildOptions) -> None:
         self.folder = Path(options.folder or pipeline.folder).absolute()
         self.inside = self.folder / INSIDE
-        self.outputs = _place(pipeline, pipeline.outputs, self.folder)
+        self.outputs = _place(pipeline, pipeline.outputs, self.folder)  # a folder or a URL
         self.store = Store(_place(pipeline, pipeline.store, self.inside / "store"))
         for place in (str(self.folder), self.outputs, self.store.place):
             if not is_url(place):

@@ -101,19 +101,7 @@ class StepTable:
 
 
 class Pipeline:
-    """A pipeline file that has been read.
-
-    Attributes
-    ----------
-    path : Path
-        Absolute.
-    store, outputs : str or None
-        Other folders or URLs for stored results and for outputs.
-    steps : dict of str to dict
-        Tables of the steps; only their `do` is checked so far.
-    checks : dict
-        Options of all steps that check, unless a step or an asset says otherwise.
-    """
+    """A pipeline file that has been read."""
 
     def __init__(self, path: PathLike, text: str, found: Any) -> None:
         self.path = Path(path).absolute()
@@ -123,8 +111,8 @@ class Pipeline:
         self._folder: str = found.folder or FOLDER
         self.store: str | None = found.store
         self.outputs: str | None = found.outputs
-        self.steps: dict[str, dict[str, Any]] = found.steps
-        self.checks: dict[str, Any] = found.check or {}
+        self.steps: dict[str, dict[str, Any]] = found.steps  # only their `do` is checked so far
+        self.checks: dict[str, Any] = found.check or {}  # of all steps that do not say otherwise
         self.rules = tuple(
             AssetRule(
                 index=index,

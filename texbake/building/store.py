@@ -180,11 +180,7 @@ class Store:
         return len(doomed)
 
     def clean(self) -> None:
-        """Remove what killed builds left behind, and nothing that belongs to a running build.
-
-        A process removes what others of its machine left; folders of other machines are removed a
-        week later.
-        """
+        """Remove what killed builds of this machine left, and of other machines after a week."""
         if not self.is_local:
             return
         for doomed in Path(self.place).glob("??/*.*"):  # entries that were being removed
