@@ -122,11 +122,7 @@ class JsonLines(ShownProgress):
 
 
 class Lines(ShownProgress):
-    """Prints the state of the innermost stage every ten seconds.
-
-    Work of less than ten seconds prints nothing. A stage of more than a minute is announced once
-    the first part of it has been timed.
-    """
+    """Prints the state of the innermost stage every ten seconds; nothing of short work."""
 
     INTERVAL = 10.0  # seconds
 

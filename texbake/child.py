@@ -45,21 +45,12 @@ _SENT_BY_OTHERS = {
 
 
 class ChildError(Exception):
-    """A child gave no answer.
-
-    Attributes
-    ----------
-    reason : str
-        What it did, such as "crashed (SIGSEGV)".
-    code : int or None
-        Exit code, negative for a signal; None if it was ended here.
-    said : str
-        Last line that it printed.
-    """
+    """A child gave no answer."""
 
     def __init__(
         self, reason: str, code: int | None = None, said: str = "", *, timed_out: bool = False
     ) -> None:
+        # The reason is such as "crashed (SIGSEGV)"; the code is None if the child was ended here.
         super().__init__(reason, code, said)
         self.reason, self.code, self.said, self.timed_out = reason, code, said, timed_out
 

@@ -229,12 +229,7 @@ def self_intersections(checked: CheckedMesh) -> Finding | None:
 
 
 def crossed_by(checked: CheckedMesh) -> tuple[IntArray, BoolArray]:
-    """Search for a face that passes through each face.
-
-    Returns `others` (F,) int32: a face that crosses each, -1 for none, and for most copies in a
-    large stack of equal faces; `unsure` (F,) bool: faces for which the search was stopped, because
-    thousands of others are near them.
-    """
+    """Face that crosses each (F,), -1 for none, and where the search was stopped."""
     mesh, threads = checked.mesh, checked.options.threads
     frame = LocalFrame.around(mesh)
     positions = frozen(np.ascontiguousarray(frame.to_local(mesh.positions)))

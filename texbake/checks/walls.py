@@ -69,11 +69,7 @@ def wall_findings(pair: MeshPair) -> list[Finding | None]:
 
 
 def _walls(pair: MeshPair, faces: Int64Array, rays: Rays) -> tuple[FloatArray, FloatArray]:
-    """Return distances from faces along their rays to other walls of the low-poly mesh.
-
-    (n,) float64 each, in the local frame: to the back of the wall, inf beyond the end of the ray;
-    and to the next wall in front, inf beyond its start.
-    """
+    """(n,) local distances along rays to the back of the wall, and to the next in front; or inf."""
     low = pair.low
     on_face = rays.origins + rays.fronts[:, None] * rays.directions
     scene = RayScene.build(low.mesh, pair.frame, threads=low.options.threads)

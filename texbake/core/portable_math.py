@@ -97,11 +97,7 @@ power = _Binary("array_power", "array_float_power")
 
 
 def vecdot(a: npt.ArrayLike, b: npt.ArrayLike) -> Array:
-    """Sums of products along the last axis, added in order; the other axes broadcast.
-
-    As in all products below, float32 arrays are multiplied in float64, and the sums are rounded to
-    float32.
-    """
+    """Sums of products along the last axis, added in order, of float32 arrays in float64."""
     first, second = np.broadcast_arrays(a, b)
     out = np.empty(first.shape[:-1])
     rows = _listed(first, 1)

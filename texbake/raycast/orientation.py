@@ -151,13 +151,7 @@ def _two_sided(welded: IntArray, pairs: EdgeNeighbors) -> BoolArray:
 
 
 def _parts_wound_alike(pairs: EdgeNeighbors, areas: FloatArray) -> tuple[IntArray, BoolArray]:
-    """Find the parts of a mesh and the faces that are wound against most of their part.
-
-    `pairs`: vertices at one position count as one. Edges of more than two faces join nothing.
-
-    Returns `parts` (F,) int32: numbered from 0 in the order of their first faces; `turned` (F,)
-    bool.
-    """
+    """(F,) parts by their first faces, and (F,) whether wound against most of their area."""
     roots, flips = wind_alike(len(areas), (pairs.first, pairs.second), pairs.agree)
     turned = against_most(roots, flips, areas)
     numbers = np.cumsum(roots == np.arange(len(roots)), dtype=np.int32) - np.int32(1)
