@@ -18,6 +18,7 @@ from texbake.mesh.normals import (
     smooth_normals,
     vertex_curvatures,
     vertex_normals,
+    with_visible_normals,
 )
 from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
@@ -173,6 +174,29 @@ def test_flat_normals_are_one_a_face():
     assert np.array_equal(normals, face_normals(mesh))
     assert normal_faces.dtype == np.int32
     assert np.array_equal(normal_faces, np.arange(18)[:, None] * [1, 1, 1])
+
+
+def test_normals_turn_to_the_front_of_all_faces_where_one_does():
+    n, n_turned = 8, 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        angles = 2 * np.pi * (np.arange(n) + rng.uniform(0, 0.9, n)) / n
+        radii, heights = rng.uniform(0.1, 2, n), rng.normal(0, 2, n)
+        ring = np.stack([radii * np.cos(angles), radii * np.sin(angles), heights], axis=1)
+        around = np.arange(1, n + 1)
+        fan = Mesh(
+            positions=np.concatenate([np.zeros((1, 3)), ring]),
+            faces=np.stack([0 * around, around, np.roll(around, -1)], axis=1),
+        )
+        sides, seen = face_normals(fan), with_visible_normals(fan)
+        assert (sides[:, 2] > 0).all()  # so +z is a normal that all faces agree with
+        before = (smooth_normals(fan)[0] * sides).sum(axis=1).min()
+        if before < -np.sin(np.radians(1.0)):
+            n_turned += 1
+            assert (seen.normals[seen.normal_faces[:, 0]] * sides).sum(axis=1).min() > 0.0
+    assert n_turned > 5
+    ball = icosphere(2)
+    assert with_visible_normals(ball) is ball
 
 
 coordinates = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.1, 1e-9, 3e7, 1e300, -1e300, 5e-324])

@@ -12,6 +12,7 @@ from texbake.errors import MeshError, counted
 from texbake.mapping.overlap import layout_notes
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import with_visible_normals
 from texbake.mesh.options import AUTO, CLOSED
 from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simplify_with_report
 from texbake.mesh.topology import find_edges, genus, surface_side
@@ -101,6 +102,7 @@ class LowPolyMaker:
         notes = (*report.notes, *layout_notes(level, low, threads=self.threads))
         report = replace(report, notes=notes)
         level = self.rule.after_unwrap(self.rule.before_unwrap(level))
+        level = with_visible_normals(level, threads=self.threads)
         made = _reaching(level, measured_to(report, self.high, level, threads=self.threads))
         return replace(made, ray_distance=finest.ray_distance)
 

@@ -31,6 +31,7 @@ from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
+from texbake.mesh.normals import with_visible_normals
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
@@ -255,6 +256,7 @@ def make_asset(
         low = rule.after_unwrap(low)
     with stages.part("levels") if options.levels else nullcontext():
         coarser = [maker.make_level(low, low_poly, n_faces) for n_faces in options.levels or ()]
+    low = with_visible_normals(low, threads=threads)
     with stages.part("bake"):
         channels = transferred_channels(materials)
         chosen = low_poly.aimed(options.bake_options(channels, unwrapped.options.padding))

@@ -32,6 +32,8 @@ from texbake.parallel import resolve_threads, run_bands
 # A cross product shorter than this times the square of the longest edge is rounding, not area:
 # subtracting, multiplying and subtracting again leave up to 4 units of 2^-53 an edge.
 AREA_ROUNDING = 8.0 * 2.0**-53
+# Normals with 8 bits per component are off by up to half a degree.
+NORMAL_ROUNDING = math.radians(1.0)
 
 
 def face_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
@@ -102,6 +104,44 @@ def with_shading_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
     """Return a mesh that has its `shading_normals` as its own, for files that maps belong to."""
     normals, normal_faces = shading_normals(mesh, threads=threads)
     return mesh.replace(normals=normals, normal_faces=normal_faces)
+
+
+_STEPS = 100  # by which normals leave the backs of faces
+
+
+def with_visible_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
+    """Return a mesh whose shading normals point to the front of all of their faces, if possible.
+
+    An angle-weighted normal can point to the back of a small face that is much steeper than those
+    around it. Such a normal turns no more than that takes.
+    """
+    normals, rows = shading_normals(mesh, threads=threads)
+    firsts = weld_vertices(mesh, threads=threads) if rows is mesh.faces else np.arange(len(normals))
+    corner_rows, sides = firsts[rows], face_normals(mesh, threads=threads)
+    margin = pm.sin(NORMAL_ROUNDING)
+    turned = pm.vecdot(normals[rows], sides[:, np.newaxis]) < -margin
+    if not turned.any():
+        return mesh
+    is_turned = np.zeros(len(normals), np.bool_)
+    is_turned[corner_rows[turned]] = True
+    corners = np.flatnonzero(is_turned[corner_rows] & (sides != 0.0).any(axis=1)[:, np.newaxis])
+    found, ids, counts = np.unique(
+        corner_rows.ravel()[corners], return_inverse=True, return_counts=True
+    )
+    order, starts = np.argsort(ids, kind="stable"), np.cumsum(counts) - counts
+    ids, around, chosen = ids[order], sides[corners[order] // 3], normals[found]
+    for _ in range(_STEPS):
+        cosines = pm.vecdot(around, chosen[ids])
+        least = np.minimum.reduceat(cosines, starts)
+        are_worst = cosines == least[ids]
+        worst = np.unique(ids[are_worst], return_index=True)[1]
+        steps = np.maximum(margin - least, 0.0)[:, np.newaxis]
+        chosen += around[are_worst][worst] * steps
+        chosen /= pm.norm(chosen, axis=1)[:, np.newaxis]
+    visible = np.minimum.reduceat(pm.vecdot(around, chosen[ids]), starts) > 0.0
+    normals = normals.copy()
+    normals[found[visible]] = chosen[visible]
+    return mesh.replace(normals=normals[firsts], normal_faces=rows, tangents=None)
 
 
 def flat_normals(mesh: Mesh, *, threads: int | None = None) -> tuple[FloatArray, IntArray]:
@@ -198,10 +238,6 @@ def vertex_curvatures(
     areas[areas == 0.0] = 1.0
     with np.errstate(over="ignore"):
         return np.asarray((turns / areas)[firsts] * frame.scale)
-
-
-# Normals with 8 bits per component are off by up to half a degree.
-NORMAL_ROUNDING = math.radians(1.0)
 
 
 def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray:
