@@ -67,6 +67,18 @@ def first_few(items: Iterable[str], most: int = 20) -> tuple[str, ...]:
     return (*each[:most], f"and {len(each) - most:,} more like these")
 
 
+def similar(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return a question about the known word that is most like another one; "" if none is like it.
+
+    >>> similar("heigth", ["normal", "height"])
+    "did you mean 'height'?"
+    """
+    from difflib import get_close_matches  # takes a millisecond
+
+    close = get_close_matches(word, list(known), n=1, cutoff=cutoff)
+    return f"did you mean {quoted(close[0])}?" if close else ""
+
+
 def require_known(name: str, value: object, known: Iterable[str]) -> None:
     """Raise `OptionError` unless the value of an option is one of those that are known."""
     if value not in (choices := tuple(known)):

@@ -29,7 +29,7 @@ MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
             '[check]\nallow = ["no-normal"]\n' + ASSET,
             MAKE + '[steps.x]\ndo = "check"\nmesh = "high"\n',
             2,
-            "check.allow: 'no-normal' is not a kind of finding; did you mean no-normals?",
+            "check.allow: 'no-normal' is not a kind of finding; did you mean 'no-normals'?",
         ),
         ("[[assets]]\n", MAKE, 1, "assets[0]: it has neither inputs nor a name"),
         (ASSET + "nmae = 3\n", MAKE, 3, "assets[0].nmae: unknown key; did you mean 'name'?"),

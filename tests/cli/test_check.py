@@ -83,7 +83,7 @@ def test_findings_are_allowed_by_name(invoke: Invoke, overlapping: str) -> None:
     assert {f["name"] for f in printed["findings"] if f["allowed"]} == set(errors)
     invoke(f"check {overlapping} --allow no-normals", exit_code=1)
     wrong = invoke(f"check {overlapping} --allow {first[:-1]}", exit_code=2).stderr
-    assert f"did you mean {first}?" in wrong
+    assert f"did you mean '{first}'?" in wrong
 
 
 def test_pictures_have_a_panel_for_each_finding(invoke: Invoke, overlapping: str) -> None:

@@ -213,6 +213,15 @@ def test_an_opacity_of_one_all_over_is_opaque(ball):
     assert done.materials.materials[0].alpha_mode == "opaque"
 
 
+def test_values_that_were_clipped_are_counted_in_a_warning(ball):
+    def finished(value):
+        return finish(*ball, **SMALL, sample=lambda p, n: np.full((len(p), 1), value))
+
+    assert finished(1.0 + 1e-4).warnings == []
+    (warning,) = finished(1.5).warnings
+    assert warning.endswith(" values of base-color outside [0, 1] became 0 or 1")
+
+
 @pytest.mark.parametrize(
     "answer, message",
     [
@@ -381,7 +390,7 @@ def test_a_model_of_any_size_and_place(scale, offset, ball):
         ({"least_part": "x"}, "least_part: 'x' is not a number"),
         ({"least_part": np.ones(2)}, "least_part: array.* is not a number"),
         ({"sample": 3}, "sample: 3 is not a function"),
-        ({"n_facess": 3}, r"n_facess: there is no such option; did you mean n_faces\?"),
+        ({"n_facess": 3}, r"n_facess: there is no such option; did you mean 'n_faces'\?"),
         ({"zzz": 3}, "zzz: there is no such option; see RunOptions"),
         ({"progress": 3}, "progress: 3 is not a function, True or None"),
         ({"maps": "ao"}, "maps: ao is one name; give a tuple"),

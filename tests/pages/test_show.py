@@ -118,6 +118,11 @@ def test_large_pictures_become_means_of_blocks_and_ids_do_not():
         assert picture.size == (1, 1000)
 
 
-def test_an_array_is_no_map(pair):
-    with pytest.raises(OptionError, match="maps: normal is an array; pass a map of `bake`"):
-        texbake.show(pair[1], {"normal": np.zeros((8, 8, 3), np.float32)})
+def test_arrays_are_maps(pair, baked, tmp_path):
+    baked.maps["normal"].write(tmp_path / "normal.png", bits=8)
+    with Image.open(tmp_path / "normal.png") as picture:
+        normal = np.asarray(picture)
+    page = texbake.show(pair[1], {"normal": normal, "color": np.full((8, 8, 3), 0.2)})
+    assert "normal map" in page.html and "color map" in page.html
+    with pytest.raises(OptionError, match="maps: normal: 3 is no map, file or image"):
+        texbake.show(pair[1], {"normal": 3})

@@ -6,7 +6,6 @@ One table, read by the checks, the command line and the documentation.
 from __future__ import annotations
 
 from dataclasses import replace
-from difflib import get_close_matches
 
 from texbake.baking.options import PADDING_OPTION, BakeOptions
 from texbake.checks.bake_kinds import (
@@ -18,7 +17,7 @@ from texbake.checks.bake_kinds import (
     VERTICES,
     Kind,
 )
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError, quoted, similar
 from texbake.mapping.options.shared import TextureOptions
 from texbake.records import dataclass
 from texbake.schema import THREADS_OPTION, Size, option, option_of
@@ -336,6 +335,5 @@ class CheckOptions(TextureOptions):
                 object.__setattr__(self, name, value)
         for name in self.allow:
             if name not in KINDS:
-                near = get_close_matches(name, KINDS, n=1)
-                known = f"did you mean {near[0]}?" if near else f"it is one of {', '.join(KINDS)}"
+                known = similar(name, KINDS) or f"it is one of {', '.join(KINDS)}"
                 raise OptionError(f"allow: {quoted(name)} is not a kind of finding; {known}")

@@ -9,9 +9,9 @@ photographs fill the texels.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields, replace
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
-from texbake.errors import OptionError, counted, quoted, require_least
+from texbake.errors import OptionError, counted, quoted, require_least, similar
 from texbake.files import PathLike, check_writable
 from texbake.jobs.material_transfer import encoded_channels, shared_materials
 from texbake.jobs.options import RunOptions
@@ -47,7 +47,8 @@ _PROBES = 16  # points with which the function is tried before the work begins
 # Names under which functions may return channels, besides those of `CHANNELS`.
 _SYNONYMS = {"color": "base-color", "opacity": "alpha"}
 # Values farther than this from [0, 1] must have another unit; closer values are clipped.
-_FARTHEST = 1.0
+# Below a step of 8 bits that is rounding.
+_FARTHEST, _ROUNDING = 1.0, 1.0 / 255.0
 _LEVELS = 65535
 _MOST_LEFT_OUT = 0.01  # of the area, where the user does not ask for more
 
@@ -57,12 +58,15 @@ class Finished(Asset):
     """What `finish` made: `low` with texture coordinates, maps, and how they were made."""
 
     materials: Materials  # of the low-poly mesh, with the maps as encoded images
-    bits: tuple[str, ...]  # a sentence on the parts that were left out, if any
+    bits: tuple[str, ...]  # sentences on parts that were left out and on values that were clipped
     stages: list[StageRecord]  # their times
 
     def __repr__(self) -> str:
         counts = f"{self.high.n_faces:,} to {self.low.n_faces:,} faces"
         return f"<Finished {self.low.name}: {counts}, {', '.join(self.maps)}>"
+
+    def _repr_html_(self) -> str:
+        return self.baked._repr_html_()
 
     @property
     def mesh(self) -> Mesh:
@@ -128,8 +132,9 @@ def finish(
         `vertices`; both arguments are (N, 3) float64, and normals point outwards. It returns colors
         (N, 3), or (N, 4) with opacity, or a dictionary of channels by name: `base_color`, `alpha`
         or `opacity`, `metallic`, `roughness`, `occlusion`, `emissive` and others of glTF. Values
-        lie in [0, 1], or are uint8. The function is called from the thread of the caller, first
-        with a few points and then with up to 262,144 of them, in an order that never changes.
+        lie in [0, 1], or are uint8; others, up to 1 away, are clipped, and `warnings` counts them.
+        The function is called from the thread of the caller, first with a few points and then with
+        up to 262,144 of them, in an order that never changes.
     linear : bool
         Whether the colors of `sample` are linear. By default they are sRGB, as in images.
     least_part : float, optional
@@ -194,7 +199,7 @@ def finish(
     stages = Stages()
     with stages.part("repair"), Stages(progress).stage("repair"):
         high, bits = _without_bits(repair(raw)[0], least_part, chosen.n_faces)
-    material = MeshMaterial(name=name)
+    material, sampler = MeshMaterial(name=name), None
     if sample is not None:
         sampler = _Sampler(sample, linear)
         found = sampler.probe(high)
@@ -211,7 +216,8 @@ def finish(
     )  # fmt: skip
     with stages.part("encode images"), Stages(progress).stage("encode images"):
         written = _encoded(asset, materials, chosen)
-    done = Finished(**vars(asset), materials=written, bits=bits, stages=stages.records)
+    notes = bits if sampler is None else (*bits, *sampler.notes)
+    done = Finished(**vars(asset), materials=written, bits=notes, stages=stages.records)
     if output is not None:
         done.write(output)
     return done
@@ -240,8 +246,7 @@ def _check_names(changes: Mapping[str, Any]) -> None:
     known = [item.name for item in fields(RunOptions)]
     for name in changes:
         if name not in known:
-            close = get_close_matches(name, known, n=1)
-            remedy = f"did you mean {close[0]}?" if close else "see RunOptions for their names"
+            remedy = similar(name, known) or "see RunOptions for their names"
             raise OptionError(f"{name}: there is no such option; {remedy}")
 
 
@@ -270,6 +275,15 @@ class _Sampler:
     def __init__(self, function: Sample, linear: bool) -> None:
         self._function, self._linear = function, linear
         self._widths: dict[str, int] = {}  # channels that the function returned at first
+        self._n_clipped: Counter[str] = Counter()  # values of channels that lay outside [0, 1]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for each channel of which values were clipped."""
+        return tuple(
+            f"sample: {counted(n, 'value')} of {name} outside [0, 1] became 0 or 1"
+            for name, n in self._n_clipped.items()
+        )
 
     def probe(self, mesh: Mesh) -> tuple[str, ...]:
         """Call the function with a few vertices of a mesh; return the channels that it has."""
@@ -277,6 +291,7 @@ class _Sampler:
         normals = smooth_normals(mesh)[some]
         found = self._call(mesh.positions[some], normals)
         self._widths = {name: values.shape[1] for name, values in found.items()}
+        self._n_clipped.clear()
         return tuple(self._widths)
 
     def at(self, points: FloatArray, normals: FloatArray) -> Mapping[str, npt.NDArray[np.float32]]:
@@ -327,6 +342,9 @@ class _Sampler:
             raise OptionError(
                 f"sample: {name} has values from {least:.4g} to {most:.4g}; they must {wanted}"
             )
+        if least < -_ROUNDING or most > top + _ROUNDING:
+            is_beyond = (values < -_ROUNDING) | (values > top + _ROUNDING)
+            self._n_clipped[name] += int(np.count_nonzero(is_beyond))
         values = np.clip(values, 0.0, top)
         if channel.is_color and not self._linear:
             values = _linear_light()[np.rint(values * _LEVELS).astype(np.uint16)]

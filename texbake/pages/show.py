@@ -5,10 +5,13 @@ from __future__ import annotations
 import html
 import os
 from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
 
 from texbake.baking.result import BakedMap, BakeResult
-from texbake.errors import OptionError
-from texbake.files import PathLike
+from texbake.errors import OptionError, quoted
+from texbake.files import PathLike, scratch_folder
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
@@ -26,12 +29,13 @@ from texbake.records import dataclass
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render as render_mesh
 from texbake.texture.checker import checker_image
+from texbake.texture.image import write_image
 from texbake.texture.image_files import encode_image
 
 _STILL_PX = 480
 _CHECKER_TEXELS = 512
 
-Maps = BakeResult | Mapping[str, BakedMap | PathLike]
+Maps = BakeResult | Mapping[str, Any]
 
 
 @dataclass(frozen=True, repr=False)
@@ -72,9 +76,10 @@ def show(
     mesh
         A `Mesh`, a `trimesh.Trimesh` or the path of a file.
     maps
-        What `bake` returned, or its maps or map files by name, such as
-        ``{"normal": "normal.png"}``. The map `normal` is shown as relief, and the others as colors
-        of the surface. None shows a checker if the mesh has texture coordinates.
+        What `bake` returned, or maps by name: its maps, files, or arrays as for `write_image`, such
+        as ``{"normal": "normal.png", "color": np.zeros((64, 64, 3))}``. The map `normal` is shown
+        as relief, and the others as colors of the surface. None shows a checker if the mesh has
+        texture coordinates.
     up
         World axis that points up: `y` or `z`.
     height
@@ -86,6 +91,8 @@ def show(
         There are maps, but the mesh has no texture coordinates.
     FileError
         A map file does not exist or cannot be read.
+    OptionError
+        An array is not an image.
 
     Examples
     --------
@@ -129,14 +136,19 @@ def _pictures(mesh: Mesh, maps: Maps | None) -> list[MapPicture]:
     if isinstance(maps, BakeResult):
         maps = maps.maps
     if maps is not None and not isinstance(maps, Mapping):
-        raise OptionError("maps: pass what `bake` returned, or maps or files by name")
+        raise OptionError("maps: pass what `bake` returned, or maps, files or arrays by name")
     if maps:
         baked = {name: item for name, item in maps.items() if isinstance(item, BakedMap)}
         files = {name: item for name, item in maps.items() if not isinstance(item, BakedMap)}
-        for name, item in files.items():
-            if not isinstance(item, (str, os.PathLike)):
-                raise OptionError(f"maps: {name} is an array; pass a map of `bake`, or a file")
-        return [*baked_pictures(baked), *file_pictures(files, codings=CODINGS)]
+        with scratch_folder() as folder:
+            for number, (name, item) in enumerate(files.items()):
+                if not isinstance(item, (str, os.PathLike)):
+                    image = np.asarray(item)
+                    if image.ndim not in (2, 3):
+                        raise OptionError(f"maps: {name}: {quoted(item)} is no map, file or image")
+                    files[name] = path = folder / f"{number}.png"
+                    write_image(image, path, color=CODINGS.get(name, "color") == "color")
+            return [*baked_pictures(baked), *file_pictures(files, codings=CODINGS)]
     if mesh.uvs is None:
         return []
     checker = png_of(checker_image(_CHECKER_TEXELS))

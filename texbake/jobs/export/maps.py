@@ -10,14 +10,13 @@ import re
 import shutil
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.maps import MAP_NAMES
-from texbake.errors import FileError, OptionError, quoted
+from texbake.errors import FileError, OptionError, quoted, similar
 from texbake.files import PathLike, is_folder, replacing
 from texbake.jobs.export.programs import KINDS, ExportedMap, ExportOptions
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
@@ -127,10 +126,10 @@ def _check_spelling(name: str, kind: str, path: PathLike) -> None:
     """Raise if a name is that of a map but for a slip; `color2` is another image on purpose."""
     if any(word in kind for word in KNOWN):
         return
-    close = get_close_matches(kind, KNOWN, n=1, cutoff=_CLOSE)
-    if close:
+    question = similar(kind, KNOWN, _CLOSE)
+    if question:
         raise OptionError(
-            f"{path}: {quoted(name)} is not the name of a map; did you mean {quoted(close[0])}? "
+            f"{path}: {quoted(name)} is not the name of a map; {question} "
             "An image that is to be copied as it is needs another name"
         )
 

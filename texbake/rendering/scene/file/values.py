@@ -13,7 +13,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field
-from difflib import get_close_matches
 from pathlib import Path, PurePath
 from typing import Annotated, Any
 
@@ -28,7 +27,15 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from texbake.errors import FileError, FileFormatError, OptionError, TexbakeError, quoted, shortened
+from texbake.errors import (
+    FileError,
+    FileFormatError,
+    OptionError,
+    TexbakeError,
+    quoted,
+    shortened,
+    similar,
+)
 from texbake.files import PathLike, require_file
 from texbake.limits import LONGEST_NAME
 from texbake.records import dataclass
@@ -77,10 +84,7 @@ def format_value(value: Any) -> str:
 def nearest(word: str, known: Iterable[str]) -> str:
     """Suggest a similar word (`did you mean 'x'?`), or list the known words."""
     words = list(known)
-    close = get_close_matches(word, words, n=1, cutoff=0.6)
-    if close:
-        return f"did you mean {quoted(close[0])}?"
-    return shortened(f"known: {', '.join(words)}", _MOST_KNOWN)
+    return similar(word, words) or shortened(f"known: {', '.join(words)}", _MOST_KNOWN)
 
 
 def place_of(steps: Sequence[int | str]) -> str:
