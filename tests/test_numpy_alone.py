@@ -70,7 +70,7 @@ NEEDS = {
 }
 
 
-def tour_alone(folder: Path, code: str) -> str:
+def tour_alone(folder, code):
     """Run code in a process that finds texbake, NumPy and Python's own modules; return its output.
 
     `folder`: for links to the packages. Its `out` is the folder for files.
@@ -96,12 +96,12 @@ def tour_alone(folder: Path, code: str) -> str:
     return done.stdout
 
 
-def files_of(folder: Path) -> dict[str, bytes]:
+def files_of(folder):
     paths = [path for path in folder.rglob("*") if path.is_file() and path.suffix != ".json"]
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
-def test_numpy_alone_gives_the_same_files(tmp_path: Path) -> None:
+def test_numpy_alone_gives_the_same_files(tmp_path):
     tour_alone(tmp_path / "alone", TOUR)
     (tmp_path / "whole").mkdir()
     exec(TOUR, {"out": tmp_path / "whole"})
@@ -111,7 +111,7 @@ def test_numpy_alone_gives_the_same_files(tmp_path: Path) -> None:
     assert [name for name in alone if alone[name] != whole[name]] == []
 
 
-def test_each_missing_library_is_named_with_what_installs_it(tmp_path: Path) -> None:
+def test_each_missing_library_is_named_with_what_installs_it(tmp_path):
     dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     names = [re.match(r"[\w-]+", line)[0] for line in dependencies["dependencies"]]
     lines = [

@@ -1,20 +1,17 @@
 """A pair of meshes from which every map can be baked."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.texture.image import write_image
 
 
 @pytest.fixture(scope="package")
-def painted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mesh, Mesh, Materials]:
+def painted(tmp_path_factory):
     """A dented ball of two groups and materials, with colors and an image; a low-poly ball."""
     ball = icosphere(4)
     points = ball.positions * (1.0 + 0.02 * np.sin(9.0 * ball.positions[:, :1]))

@@ -1,7 +1,5 @@
 """The cage encloses the high-poly surface, and no vertex could move in on its own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -13,13 +11,13 @@ from texbake.mesh.simplify import simplify
 
 
 @pytest.fixture(scope="module")
-def peel() -> tuple[Mesh, Mesh]:
+def peel():
     """A high-poly mesh with dents and bumps, and a low-poly one."""
     high = orange(6_000)
     return high, simplify(high, 300)
 
 
-def _outside(points: np.ndarray, cage: Mesh) -> int:
+def _outside(points, cage):
     """Number of points that the closed cage does not enclose, by their winding numbers.
 
     Based on: A. Van Oosterom, J. Strackee, "The solid angle of a plane triangle", 1983.
@@ -34,7 +32,7 @@ def _outside(points: np.ndarray, cage: Mesh) -> int:
     return int(np.count_nonzero(angles / (4.0 * np.pi) < 0.5))
 
 
-def test_a_cage_of_a_lifted_plane_moves_by_its_height() -> None:
+def test_a_cage_of_a_lifted_plane_moves_by_its_height():
     """Every vertex moves by 0.25, up to the rounding of the ray tree."""
     low = plane(3, 2)
     high = plane(17, 11)
@@ -45,7 +43,7 @@ def test_a_cage_of_a_lifted_plane_moves_by_its_height() -> None:
     np.testing.assert_array_equal(cage.mesh.uvs, low.uvs)
 
 
-def test_a_peak_moves_only_the_face_under_it() -> None:
+def test_a_peak_moves_only_the_face_under_it():
     """Over a tent on one of two faces, the vertex of the other face alone stays in place."""
     low = plane()
     middle = low.positions[low.faces[0]].mean(axis=0)
@@ -63,7 +61,7 @@ def test_a_peak_moves_only_the_face_under_it() -> None:
     assert cage.n_beside == 0
 
 
-def test_no_high_poly_vertex_lies_outside(peel: tuple[Mesh, Mesh]) -> None:
+def test_no_high_poly_vertex_lies_outside(peel):
     high, low = peel
     cage = fit_cage(high, low)
     assert cage.greatest_outside == 0.0
@@ -71,7 +69,7 @@ def test_no_high_poly_vertex_lies_outside(peel: tuple[Mesh, Mesh]) -> None:
     assert _outside(high.positions, low) > 200  # so that the cage was needed
 
 
-def test_no_vertex_could_move_in_on_its_own(peel: tuple[Mesh, Mesh]) -> None:
+def test_no_vertex_could_move_in_on_its_own(peel):
     """Moving a vertex back by a twentieth of its distance lets something through."""
     high, low = peel
     cage = fit_cage(high, low, margin=0.0)
@@ -89,7 +87,7 @@ def test_no_vertex_could_move_in_on_its_own(peel: tuple[Mesh, Mesh]) -> None:
     assert loose <= 1
 
 
-def test_vertices_of_one_position_move_together() -> None:
+def test_vertices_of_one_position_move_together():
     """A mesh whose faces share no vertices stays closed."""
     low = icosphere(1)
     split = low.replace(
@@ -105,12 +103,12 @@ def test_vertices_of_one_position_move_together() -> None:
     assert len(np.unique(cage.positions, axis=0)) == low.n_vertices
 
 
-def test_the_number_of_threads_changes_no_byte(peel: tuple[Mesh, Mesh]) -> None:
+def test_the_number_of_threads_changes_no_byte(peel):
     one, three = (fit_cage(*peel, threads=threads).mesh.positions for threads in (1, 3))
     assert one.tobytes() == three.tobytes()
 
 
-def test_points_beside_the_border_are_a_warning() -> None:
+def test_points_beside_the_border_are_a_warning():
     """The high-poly plane is wider than the low-poly one."""
     high = plane(9, 9)
     high = high.replace(positions=high.positions * 2.0 + np.array([0.0, 0.0, 0.1]))
@@ -119,7 +117,7 @@ def test_points_beside_the_border_are_a_warning() -> None:
     assert any("border" in warning for warning in cage.warnings)
 
 
-def test_vertices_without_a_normal_stay_with_a_warning() -> None:
+def test_vertices_without_a_normal_stay_with_a_warning():
     low = plane(2, 2)
     line = low.replace(positions=low.positions * [1.0, 0.0, 0.0])
     cage = fit_cage(plane(4, 4), line)
@@ -129,7 +127,7 @@ def test_vertices_without_a_normal_stay_with_a_warning() -> None:
     assert fit_cage(plane(4, 4), low).n_still == 0
 
 
-def test_normals_that_cancel_move_no_vertex_far() -> None:
+def test_normals_that_cancel_move_no_vertex_far():
     """The normals of a cube and its inside cancel, but for the rounding that a turn makes."""
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     box = cube()
@@ -143,7 +141,7 @@ def test_normals_that_cancel_move_no_vertex_far() -> None:
 
 
 @pytest.mark.parametrize("margin", [-1.0, float("nan"), float("inf")])
-def test_a_negative_or_infinite_margin_is_an_error(margin: float) -> None:
+def test_a_negative_or_infinite_margin_is_an_error(margin):
     with pytest.raises(OptionError, match="margin"):
         fit_cage(plane(), plane(), margin=margin)
 

@@ -10,17 +10,16 @@ from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.bake_parts import bake_parts
 from texbake.mesh.compose import join_meshes, turned_over
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere
 
 OPTIONS = BakeOptions(maps=("normal", "displacement", "ao"), size=64, secondary_rays=4)
 
 
-def dented() -> Mesh:
+def dented():
     return uv_sphere(40, 60, lambda a, b: 1 + 0.03 * np.sin(11 * a) * np.sin(9 * b))
 
 
-def flipped(mesh: Mesh) -> Mesh:
+def flipped(mesh):
     return turned_over(mesh, np.ones(mesh.n_faces, dtype=bool))
 
 

@@ -1,7 +1,5 @@
 """Laws that hold for every map: what a bake must not depend on, and how maps follow from others."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 

@@ -123,11 +123,11 @@ HIGH = uv_sphere(48, 96, lambda theta, phi: 1 + 0.01 * np.sin(9 * phi) * np.sin(
 REACH = {"front": 0.1, "back": 0.1}
 
 
-def image(value: float) -> np.ndarray:
+def image(value):
     return np.full((5, 7), value, dtype=np.float32)
 
 
-def same(one, other) -> bool:
+def same(one, other):
     return all(np.array_equal(one.maps[name].values, other.maps[name].values) for name in one.maps)
 
 

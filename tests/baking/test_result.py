@@ -1,7 +1,6 @@
 """Maps as files: in every encoding, values are read as they were written; and maps without use."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from texbake.errors import FileError, FileFormatError, OptionError
 from texbake.jobs.maps import bake_files
 from texbake.mesh.files import write_mesh
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.metadata import (
     CURVATURE_MID,
@@ -171,20 +169,20 @@ def test_one_file_for_several_maps_is_an_error(tmp_path):
 BALL = uv_sphere(16, 32)
 
 
-def sentences(high: Mesh, *maps: str, materials: Materials | None = None, **given: object) -> dict:
+def sentences(high, *maps, materials=None, **given):
     options = BakeOptions(maps=maps, size=32, secondary_rays=16, **given)  # type: ignore[arg-type]
     found = bake(high, BALL, options, materials=materials).maps
     told = dict(line.split(": ", 1) for line in redundant_maps(found, 2.0))
     return {name: words.split(" at ")[0].split(";")[0] for name, words in told.items()}
 
 
-def test_a_mesh_baked_onto_itself_needs_no_map() -> None:
+def test_a_mesh_baked_onto_itself_needs_no_map():
     same = "it has no effect"
     names = ("normal", "displacement", "ao", "opacity")
     assert sentences(BALL, *names) == dict.fromkeys(names, same)
 
 
-def test_maps_that_show_something_are_not_told() -> None:
+def test_maps_that_show_something_are_not_told():
     assert sentences(orange(20_000), "normal", "displacement", "ao") == {}
     # Normals of an object are not those of a material, even where they are all the same.
     flat = bake(plane(), plane(), BakeOptions(size=16, space="object")).maps
@@ -192,7 +190,7 @@ def test_maps_that_show_something_are_not_told() -> None:
     assert list(sentences(BALL, "displacement", space="object")) == ["displacement"]
 
 
-def test_one_value_everywhere_is_a_factor() -> None:
+def test_one_value_everywhere_is_a_factor():
     gray = MeshMaterial(
         name="gray",
         channels={
@@ -209,7 +207,7 @@ def test_one_value_everywhere_is_a_factor() -> None:
 
 
 @pytest.mark.parametrize("high", ["same", "orange"])
-def test_the_job_passes_them_on(tmp_path: Path, high: str) -> None:
+def test_the_job_passes_them_on(tmp_path, high):
     write_mesh(BALL, tmp_path / "low.obj")
     write_mesh(BALL if high == "same" else orange(20_000), tmp_path / "high.obj")
     done = bake_files(

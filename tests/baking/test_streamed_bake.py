@@ -1,7 +1,5 @@
 """A bake of a high-poly mesh that stays in its file: byte for byte that of the whole mesh."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -25,7 +23,7 @@ OPTIONS = BakeOptions(maps=NAMES, size=(48, 40), samples=4, padding=2)
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A dented sphere twice, the second time turned round, in three files; and a low-poly one."""
     folder = tmp_path_factory.mktemp("streamed")
     ball = uv_sphere(40, 60, lambda a, b: 1 + 0.03 * np.sin(11 * a) * np.sin(9 * b))
@@ -43,13 +41,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(autouse=True)
-def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_blocks(monkeypatch):
     monkeypatch.setattr(source, "ROWS_PER_BLOCK", 700)
 
 
-def assert_same_bake(
-    folder: Path, name: str, options: BakeOptions, n_chunks: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def assert_same_bake(folder, name, options, n_chunks, monkeypatch):
     low = read_mesh(folder / "low.obj")
     whole = bake(folder / name, low, BakeOptions(**{**vars(options), "threads": None}))
     high = open_streamed(folder / name, threads=options.threads)
@@ -71,9 +67,7 @@ def assert_same_bake(
 
 
 @pytest.mark.parametrize(("n_chunks", "threads"), [(2, 7), (7, 1)])
-def test_any_chunks_and_threads(
-    folder: Path, n_chunks: int, threads: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_any_chunks_and_threads(folder, n_chunks, threads, monkeypatch):
     options = BakeOptions(**{**vars(OPTIONS), "threads": threads})
     assert_same_bake(folder, "high.ply", options, n_chunks, monkeypatch)
 
@@ -88,20 +82,18 @@ def test_any_chunks_and_threads(
         ("high.ply", {"maps": ("displacement",), "cull_back_faces": False}),
     ],
 )
-def test_other_files_and_options(
-    folder: Path, name: str, changes: dict[str, object], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_other_files_and_options(folder, name, changes, monkeypatch):
     options = BakeOptions(**{**vars(OPTIONS), **changes})
     assert_same_bake(folder, name, options, 3, monkeypatch)
 
 
-def test_hits_are_made_into_maps_in_pieces(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hits_are_made_into_maps_in_pieces(folder, monkeypatch):
     monkeypatch.setattr("texbake.baking.texel_values._HITS_OF_STREAM", 1001)
     monkeypatch.setattr("texbake.baking.trace._SAMPLES_IN_CHUNKS", 1 << 12)
     assert_same_bake(folder, "high.ply", OPTIONS, 2, monkeypatch)
 
 
-def test_a_limit_of_memory_decides(folder: Path, tmp_path: Path) -> None:
+def test_a_limit_of_memory_decides(folder, tmp_path):
     opened: list[str] = []
     original = StreamedMesh.open.__func__  # type: ignore[attr-defined]
 
@@ -123,7 +115,7 @@ def test_a_limit_of_memory_decides(folder: Path, tmp_path: Path) -> None:
     assert contents[0] == contents[1] == contents[2]
 
 
-def test_sizes_of_chunks() -> None:
+def test_sizes_of_chunks():
     options = BakeOptions(size=1024, max_memory="1.5G")
     assert not BakeOptions().must_stream(10**9, 10)
     assert not options.must_stream(4_000_000, 10)
@@ -146,9 +138,7 @@ def test_sizes_of_chunks() -> None:
         ({"keep_hits": True}, "its hits cannot be kept"),
     ],
 )
-def test_what_needs_the_whole_mesh(
-    folder: Path, tmp_path: Path, changes: dict[str, object], message: str
-) -> None:
+def test_what_needs_the_whole_mesh(folder, tmp_path, changes, message):
     options = BakeOptions(**{**vars(OPTIONS), "max_memory": "1M", **changes})
     with pytest.raises(OptionError, match=rf"^max_memory: high.ply .*{message}") as error:
         bake_files(folder / "high.ply", folder / "low.obj", tmp_path / "maps", options)
@@ -157,7 +147,7 @@ def test_what_needs_the_whole_mesh(
 
 
 @pytest.mark.parametrize("name", ["html", "high_texture"])
-def test_files_that_need_the_whole_mesh(folder: Path, tmp_path: Path, name: str) -> None:
+def test_files_that_need_the_whole_mesh(folder, tmp_path, name):
     maps = ("normal",) if name == "html" else ("base-color",)
     options = BakeOptions(maps=maps, size=16, max_memory="1M")
     file = tmp_path / f"file.{name}" if name == "html" else folder / "low.obj"
@@ -167,7 +157,7 @@ def test_files_that_need_the_whole_mesh(folder: Path, tmp_path: Path, name: str)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_file_that_is_damaged_late(folder: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_damaged_late(folder, tmp_path):
     content = bytearray((folder / "high.ply").read_bytes())
     content[-4:] = b"\xff\xff\xff\x7f"
     (tmp_path / "high.ply").write_bytes(content)

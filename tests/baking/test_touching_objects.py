@@ -27,7 +27,7 @@ BEVEL = 0.04
 MOST_MISSED = 0.2
 
 
-def box(center, size, bevel=0.0) -> Mesh:
+def box(center, size, bevel=0.0):
     """Box around a center, with chamfered edges: the convex hull of the ends of its faces."""
     signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     insets = bevel * (1.0 - np.eye(3))

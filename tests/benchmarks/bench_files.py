@@ -3,8 +3,6 @@
 python tests/benchmarks/bench_files.py readers | lighten | build
 """
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess

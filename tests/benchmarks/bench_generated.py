@@ -3,8 +3,6 @@
 python tests/benchmarks/bench_generated.py run --count 200
 """
 
-from __future__ import annotations
-
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is loaded

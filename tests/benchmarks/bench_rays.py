@@ -3,8 +3,6 @@
 python tests/benchmarks/bench_rays.py trees | distances | chunks | stream
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 import tempfile

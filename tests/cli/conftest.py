@@ -5,20 +5,15 @@ import re
 import shutil
 import subprocess
 import sysconfig
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from texbake import write_mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
-
-Invoke = Callable[..., Result]
-Run = Callable[..., subprocess.CompletedProcess[str]]
-
 
 # What a command that succeeds prints on stderr: warnings, and the progress of work of more than ten
 # seconds.
@@ -28,13 +23,13 @@ KNOWN_LINE = re.compile(
 
 
 @pytest.fixture(scope="session")
-def only_known_lines() -> Callable[[str], bool]:
+def only_known_lines():
     """Whether all lines of a text are warnings or progress."""
     return lambda text: all(KNOWN_LINE.fullmatch(row) for row in text.splitlines())
 
 
 @pytest.fixture(scope="session")
-def script() -> Path:
+def script():
     """The installed console script."""
     beside = Path(sysconfig.get_path("scripts")) / "texbake"
     found = beside if beside.is_file() else shutil.which("texbake")
@@ -43,10 +38,10 @@ def script() -> Path:
 
 
 @pytest.fixture(scope="session")
-def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def pair(tmp_path_factory):
     """Folder with high.ply, 11,400 triangles of a rough sphere, and low.obj, 112 with uvs."""
 
-    def radius_at(theta: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    def radius_at(theta, phi):
         return 1.0 + 0.02 * np.sin(8 * theta) * np.sin(8 * phi)
 
     folder = tmp_path_factory.mktemp("pair")
@@ -56,7 +51,7 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def workplace(pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def workplace(pair, tmp_path, monkeypatch):
     """A current folder with links to the pair."""
     for file in pair.iterdir():
         os.link(file, tmp_path / file.name)
@@ -65,10 +60,10 @@ def workplace(pair: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Pa
 
 
 @pytest.fixture
-def invoke() -> Invoke:
+def invoke():
     """Run a command line through click's runner, which must not end in a traceback."""
 
-    def invoke(line: str, exit_code: int = 0) -> Result:
+    def invoke(line, exit_code=0):
         result = CliRunner().invoke(texbake, line.split())
         if result.exception is not None and not isinstance(result.exception, SystemExit):
             raise result.exception
@@ -79,10 +74,10 @@ def invoke() -> Invoke:
 
 
 @pytest.fixture
-def run(script: Path) -> Run:
+def run(script):
     """Run a command line as a process of its own, without a terminal."""
 
-    def run(line: str, **more: object) -> subprocess.CompletedProcess[str]:
+    def run(line, **more):
         return subprocess.run(  # type: ignore[call-overload]
             [script, *line.split()], capture_output=True, text=True, timeout=120, **more
         )

@@ -4,13 +4,9 @@ import json
 import signal
 import subprocess
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-Invoke = Callable[..., Any]
 PIPELINE = """
 [[assets]]
 name = "ball"
@@ -29,14 +25,14 @@ mesh = "high"
 
 
 @pytest.fixture
-def pipeline(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def pipeline(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "p.toml"
     path.write_text(PIPELINE)
     return path
 
 
-def test_a_plan_a_build_and_nothing_left_to_do(pipeline: Path, invoke: Invoke) -> None:
+def test_a_plan_a_build_and_nothing_left_to_do(pipeline, invoke):
     plan = invoke("build p.toml --plan")
     assert "it has not run before" in plan.stdout and "2 runs, 2 may run" in plan.stdout
     assert not (pipeline.parent / "build").exists()
@@ -47,13 +43,13 @@ def test_a_plan_a_build_and_nothing_left_to_do(pipeline: Path, invoke: Invoke) -
     assert "4 current" in invoke("build p.toml --plan").stdout
 
 
-def test_a_page_does_not_overwrite_the_pipeline_file(pipeline: Path, invoke: Invoke) -> None:
+def test_a_page_does_not_overwrite_the_pipeline_file(pipeline, invoke):
     message = invoke("build p.toml --html p.toml", exit_code=1).stderr
     assert message == "texbake: p.toml: a page cannot be written as '.toml'; use .html\n"
     assert pipeline.read_text() == PIPELINE and not (pipeline.parent / "build").exists()
 
 
-def test_progress_as_json(pipeline: Path, run: Callable[..., Any]) -> None:
+def test_progress_as_json(pipeline, run):
     done = run("build p.toml --jobs 2 --progress json -o elsewhere")
     assert done.returncode == 0, done.stderr
     events = [json.loads(line) for line in done.stderr.splitlines()]
@@ -65,7 +61,7 @@ def test_progress_as_json(pipeline: Path, run: Callable[..., Any]) -> None:
     assert (pipeline.parent / "elsewhere" / "build.json").is_file()
 
 
-def test_failures_are_a_line_each_and_exit_code_1(pipeline: Path, invoke: Invoke) -> None:
+def test_failures_are_a_line_each_and_exit_code_1(pipeline, invoke):
     limits = '[steps.limits]\ndo = "check"\nmesh = "clean"\nmax_faces = 3\nfail_on = "never"\n'
     pipeline.write_text(PIPELINE + limits)
     done = invoke("build p.toml --jobs 2", exit_code=1)
@@ -77,7 +73,7 @@ def test_failures_are_a_line_each_and_exit_code_1(pipeline: Path, invoke: Invoke
     assert [asset["state"] for asset in report["assets"]] == ["failed", "failed"]
 
 
-def test_an_error_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -> None:
+def test_an_error_in_the_file_is_one_line(pipeline, invoke):
     pipeline.write_text(PIPELINE.replace("resolution", "resolutoin"))
     done = invoke("build p.toml", exit_code=1)
     assert done.stderr == (
@@ -89,7 +85,7 @@ def test_an_error_in_the_file_is_one_line(pipeline: Path, invoke: Invoke) -> Non
     )
 
 
-def test_watch_builds_saved_changes_until_it_is_stopped(pipeline: Path, script: Path) -> None:
+def test_watch_builds_saved_changes_until_it_is_stopped(pipeline, script):
     with subprocess.Popen(
         [script, "watch", "p.toml", "--jobs", "1"],
         stdout=subprocess.PIPE,
@@ -100,7 +96,7 @@ def test_watch_builds_saved_changes_until_it_is_stopped(pipeline: Path, script: 
     ) as process:
         assert process.stdout is not None
 
-        def until_watching() -> str:
+        def until_watching():
             output = ""
             while not output.endswith("watching ...\n"):
                 line = process.stdout.readline()  # type: ignore[union-attr]
@@ -122,7 +118,7 @@ def test_watch_builds_saved_changes_until_it_is_stopped(pipeline: Path, script: 
             process.kill()  # or leaving the block would wait for a process that goes on
 
 
-def test_the_live_table_shows_running_steps_and_their_times() -> None:
+def test_the_live_table_shows_running_steps_and_their_times():
     from rich.console import Console
     from texbake_cli.live import BuildTable
 

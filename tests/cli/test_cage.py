@@ -1,13 +1,8 @@
 """`texbake cage` on files."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Invoke
 from texbake.baking.cage import fit_cage
 from texbake.mesh.compose import join_meshes, transformed
 from texbake.mesh.files import read_mesh, write_mesh
@@ -17,7 +12,7 @@ from texbake.verbs.meshes import cage_file
 
 
 @pytest.fixture(autouse=True)
-def pair(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def pair(tmp_path, monkeypatch):
     """A current folder with a high-poly and a low-poly mesh."""
     monkeypatch.chdir(tmp_path)
     write_mesh(orange(2_000), "high.ply")
@@ -27,13 +22,13 @@ def pair(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 BAKE = "-o n.png --size 32 --cage cage.obj --fail-on-miss 0"
 
 
-def test_a_bake_accepts_the_cage(invoke: Invoke) -> None:
+def test_a_bake_accepts_the_cage(invoke):
     assert "moved by" in invoke("cage high.ply low.obj -o cage.obj").output
     assert read_mesh("cage.obj").n_faces == read_mesh("low.obj").n_faces
     invoke(f"bake-normals high.ply low.obj {BAKE}")
 
 
-def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path: Path) -> None:
+def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path):
     """The ball bulges toward the cube, which is no reason for the cube's cage to be larger."""
     beside = np.eye(4)
     beside[0, 3] = 1.52
@@ -50,7 +45,7 @@ def test_objects_that_are_baked_apart_have_cages_of_their_own(tmp_path: Path) ->
     assert joined.distances[-8:].max() > 2.0 * distances[-8:].max()
 
 
-def test_parts_outside_any_cage_are_reported(invoke: Invoke) -> None:
+def test_parts_outside_any_cage_are_reported(invoke):
     wide = plane(9, 9)
     write_mesh(wide.replace(positions=2.0 * wide.positions + [0.0, 0.0, 0.1]), "high.ply")
     write_mesh(plane(2, 2), "low.obj")
@@ -58,9 +53,7 @@ def test_parts_outside_any_cage_are_reported(invoke: Invoke) -> None:
 
 
 @pytest.mark.parametrize("inside_out", ["high.ply", "low.obj"])
-def test_only_a_low_poly_mesh_that_is_inside_out_gets_a_warning(
-    invoke: Invoke, inside_out: str
-) -> None:
+def test_only_a_low_poly_mesh_that_is_inside_out_gets_a_warning(invoke, inside_out):
     line = "cage high.ply low.obj -o cage.obj"
     assert "faces against" not in invoke(line).output
     mesh = read_mesh(inside_out)

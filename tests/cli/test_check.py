@@ -3,26 +3,22 @@
 import json
 import re
 import textwrap
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from click.testing import Result
 
 from texbake import CheckOptions, read_image, read_mesh, write_mesh
 from texbake.checks.check import check_files
 
-Invoke = Callable[..., Result]
-
 
 @pytest.fixture(autouse=True)
-def at_the_workplace(workplace: Path) -> None:
+def at_the_workplace(workplace):
     """Commands of these tests run beside the pair."""
 
 
 @pytest.fixture
-def overlapping() -> str:
+def overlapping():
     """A low-poly mesh whose faces all lie on one triangle of the texture."""
     mesh = read_mesh("low.obj")
     uvs = [[0.1, 0.1], [0.9, 0.1], [0.5, 0.9]]
@@ -30,7 +26,7 @@ def overlapping() -> str:
     return "bad.obj"
 
 
-def test_the_last_line_says_whether_the_meshes_are_ready(invoke: Invoke, overlapping: str) -> None:
+def test_the_last_line_says_whether_the_meshes_are_ready(invoke, overlapping):
     text = invoke("check high.ply low.obj").stdout
     assert text.startswith("high-poly mesh  high.ply, 11,400 faces\nlow-poly mesh  low.obj, 112 f")
     refused = invoke(f"check {overlapping}", exit_code=1).stdout.splitlines()
@@ -45,7 +41,7 @@ def test_the_last_line_says_whether_the_meshes_are_ready(invoke: Invoke, overlap
     invoke(f"check {overlapping} --fail-on never")
 
 
-def test_a_missing_file_is_a_finding_among_others(invoke: Invoke) -> None:
+def test_a_missing_file_is_a_finding_among_others(invoke):
     words = "check low.obj missing.obj --each --format junit"
     suites = ElementTree.fromstring(invoke(words, exit_code=1).stdout.encode())
     assert [suite.get("name") for suite in suites] == ["low.obj", "missing.obj"]
@@ -54,7 +50,7 @@ def test_a_missing_file_is_a_finding_among_others(invoke: Invoke) -> None:
     invoke(f"{words} --fail-on never")
 
 
-def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str) -> None:
+def test_only_errors_are_explained_unless_asked(invoke, overlapping):
     found = check_files(overlapping).findings
     short = invoke(f"check {overlapping}", exit_code=1).stdout
     full = invoke(f"check {overlapping} --explain", exit_code=1).stdout
@@ -67,7 +63,7 @@ def test_only_errors_are_explained_unless_asked(invoke: Invoke, overlapping: str
     assert "--explain" not in full
 
 
-def test_findings_are_allowed_by_name(invoke: Invoke, overlapping: str) -> None:
+def test_findings_are_allowed_by_name(invoke, overlapping):
     """Allowing every kind of error passes; they are still listed, last, and counted apart."""
     found = check_files(overlapping)
     errors = [finding.name for finding in found.findings if finding.severity == "error"]
@@ -86,7 +82,7 @@ def test_findings_are_allowed_by_name(invoke: Invoke, overlapping: str) -> None:
     assert f"did you mean '{first}'?" in wrong
 
 
-def test_pictures_have_a_panel_for_each_finding(invoke: Invoke, overlapping: str) -> None:
+def test_pictures_have_a_panel_for_each_finding(invoke, overlapping):
     invoke(f"check high.ply {overlapping} --layout layout.png --sides sides.png", exit_code=1)
     n_low = sum(len(f.faces) > 0 for f in check_files("high.ply", overlapping).findings)
     layout, sides = (read_image(name, color=True).pixels for name in ("layout.png", "sides.png"))
@@ -95,20 +91,20 @@ def test_pictures_have_a_panel_for_each_finding(invoke: Invoke, overlapping: str
     assert sides.shape[1] > 3 * sides.shape[0] / n_low  # four panels in each row
 
 
-def test_findings_that_cannot_be_drawn_are_named(invoke: Invoke) -> None:
+def test_findings_that_cannot_be_drawn_are_named(invoke):
     result = invoke("check high.ply --layout layout.png")
     assert "layout.png: not drawn" in result.stderr
     assert not Path("layout.png").exists()
 
 
-def test_a_file_that_is_not_a_mesh_fails_a_build(invoke: Invoke) -> None:
+def test_a_file_that_is_not_a_mesh_fails_a_build(invoke):
     Path("noise.obj").write_text("v 0 0 nan\nf 1 1 1\n")
     text = invoke("check noise.obj", exit_code=1).stdout
     assert "not a mesh" in text
     assert "noise.obj" in text
 
 
-def test_quiet_prints_the_table_alone(invoke: Invoke, overlapping: str) -> None:
+def test_quiet_prints_the_table_alone(invoke, overlapping):
     lines = invoke(f"check {overlapping} -q", exit_code=1).stdout.splitlines()
     assert lines[0].split()[0] == "severity"
     assert all(line.split()[0] in ("error", "warning", "note") for line in lines[1:])
@@ -133,7 +129,7 @@ def test_remedies_name_the_commands_that_there_are():
 
 
 @pytest.mark.parametrize("form", ["json", "sarif", "junit"])
-def test_forms_for_programs_are_alone_on_the_standard_output(invoke: Invoke, form: str) -> None:
+def test_forms_for_programs_are_alone_on_the_standard_output(invoke, form):
     text = invoke(f"check low.obj high.ply --each --format {form} --verbose").stdout
     if form == "junit":
         assert len(ElementTree.fromstring(text.encode())) == 2

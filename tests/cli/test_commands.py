@@ -1,13 +1,11 @@
 """What commands on a pair of meshes write and print."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Invoke, Run
 from texbake import distortion, read_image, read_mesh, write_image
 from texbake.jobs.light_maps import file_names
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
@@ -20,9 +18,7 @@ from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
         ("bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --size 32", "t.exr"),
     ],
 )
-def test_command_as_a_process(
-    line: str, name: str, workplace: Path, run: Run, only_known_lines: Callable[[str], bool]
-) -> None:
+def test_command_as_a_process(line, name, workplace, run, only_known_lines):
     done = run(line)
     assert done.returncode == 0, done.stderr
     assert (workplace / name).stat().st_size > 0
@@ -30,7 +26,7 @@ def test_command_as_a_process(
     assert only_known_lines(done.stderr)
 
 
-def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
+def test_info_prints_json_alone(workplace, run):
     done = run("info high.ply --json")
     found = json.loads(done.stdout)
     assert (found["n_faces"], found["n_vertices"]) == (11_400, 5_800)
@@ -41,7 +37,7 @@ def test_info_prints_json_alone(workplace: Path, run: Run) -> None:
     assert "faces 1 triangles 2 vertices 4" in " ".join(run("info quad.obj").stdout.split())
 
 
-def test_info_lists_materials_and_images(workplace: Path, invoke: Invoke) -> None:
+def test_info_lists_materials_and_images(workplace, invoke):
     write_image(np.zeros((8, 16, 3), dtype=np.float32), "paint.png", color=True)
     Path("paint.mtl").write_text("newmtl skin\nmap_Kd paint.png\nmap_Bump missing.png\n")
     Path("painted.obj").write_text("mtllib paint.mtl\nusemtl skin\n" + Path("low.obj").read_text())
@@ -55,7 +51,7 @@ def test_info_lists_materials_and_images(workplace: Path, invoke: Invoke) -> Non
     assert found["materials"][0]["channels"]["base-color"] == "paint.png"
 
 
-def test_a_projector_can_be_a_matrix(workplace: Path, invoke: Invoke) -> None:
+def test_a_projector_can_be_a_matrix(workplace, invoke):
     # Looks along -z, in parallel: s = (x + 1) / 2, t = (y + 1) / 2.
     Path("slide.txt").write_text("0.5 0 0 0.5  0 0.5 0 0.5  0 0 -1 1  0 0 0 1")
     invoke("unwrap low.obj -o out.obj --method projector --matrix slide.txt --unseen project")
@@ -68,9 +64,7 @@ def test_a_projector_can_be_a_matrix(workplace: Path, invoke: Invoke) -> None:
     ("name", "choices", "bits"),
     [("n.png", "", 16), ("n.png", "--bits 8", 8), ("n.tga", "", 8), ("n.exr", "", 32)],
 )
-def test_normals_in_any_format_decode_to_the_same(
-    workplace: Path, invoke: Invoke, name: str, choices: str, bits: int
-) -> None:
+def test_normals_in_any_format_decode_to_the_same(workplace, invoke, name, choices, bits):
     invoke(f"bake-normals high.ply low.obj -o {name} --size 32 --padding 0 {choices}")
     invoke("bake-normals high.ply low.obj -o reference.exr --size 32 --padding 0")
     image = read_image(name, color=False)
@@ -81,7 +75,7 @@ def test_normals_in_any_format_decode_to_the_same(
     assert np.abs(image.pixels - reference).max() <= step
 
 
-def test_one_trace_gives_the_same_maps_as_two(workplace: Path, invoke: Invoke) -> None:
+def test_one_trace_gives_the_same_maps_as_two(workplace, invoke):
     invoke("bake high.ply low.obj -o maps --maps normal,displacement --size 32 --format exr")
     invoke("bake-normals high.ply low.obj -o n.exr --size 32")
     invoke("bake-displacement high.ply low.obj -o d.exr --size 32")
@@ -89,9 +83,7 @@ def test_one_trace_gives_the_same_maps_as_two(workplace: Path, invoke: Invoke) -
     assert Path("d.exr").read_bytes() == Path("maps/displacement.exr").read_bytes()
 
 
-def test_report_has_settings_figures_and_the_coding_of_heights(
-    workplace: Path, invoke: Invoke
-) -> None:
+def test_report_has_settings_figures_and_the_coding_of_heights(workplace, invoke):
     line = "bake-displacement high.ply low.obj -o d.png --size 32 --report r.json"
     invoke(f"{line} --mid 0.25 --scale 0.5")
     report = json.loads(Path("r.json").read_text())
@@ -108,7 +100,7 @@ def test_report_has_settings_figures_and_the_coding_of_heights(
     assert report["seconds"] == pytest.approx(sum(stage["seconds"] for stage in report["stages"]))
 
 
-def test_clipped_heights_are_reported(workplace: Path, invoke: Invoke) -> None:
+def test_clipped_heights_are_reported(workplace, invoke):
     line = "bake-displacement high.ply low.obj -o d.png --size 32 --padding 0 --quiet"
     assert invoke(line).stderr == ""
     message = invoke(f"{line} --scale 0.001").stderr
@@ -116,7 +108,7 @@ def test_clipped_heights_are_reported(workplace: Path, invoke: Invoke) -> None:
     assert " clipped to the range" in message
 
 
-def test_progress_as_json(workplace: Path, run: Run) -> None:
+def test_progress_as_json(workplace, run):
     done = run("bake-normals high.ply low.obj -o n.png --size 32 --padding 0 --progress json")
     events = [json.loads(line) for line in done.stderr.splitlines()]
     started = [event["stage"] for event in events if event["event"] == "started"]
@@ -125,7 +117,7 @@ def test_progress_as_json(workplace: Path, run: Run) -> None:
     assert sorted(started) == sorted(finished)
 
 
-def test_the_figures_of_the_whole_and_of_the_worst(workplace: Path, invoke: Invoke) -> None:
+def test_the_figures_of_the_whole_and_of_the_worst(workplace, invoke):
     found = distortion(read_mesh("low.obj"), 2048)
     text = invoke("info low.obj --uv --size 2048").stdout
     assert f"stretch L2                   {found.stretch.l2:.4f}" in text
@@ -139,7 +131,7 @@ def test_the_figures_of_the_whole_and_of_the_worst(workplace: Path, invoke: Invo
     assert lines[charts + 1][:2] == ["0", f"{found.charts[0].stretch.l2:.4f}"]
 
 
-def test_json_has_everything(workplace: Path, invoke: Invoke) -> None:
+def test_json_has_everything(workplace, invoke):
     written = json.loads(invoke("info low.obj --uv --json").stdout)
     assert written["n_faces"] == 112
     assert written["distortion"] == distortion(read_mesh("low.obj")).to_json()
@@ -161,12 +153,12 @@ material = { shading = "lambert" }
 
 
 @pytest.fixture
-def scene(workplace: Path) -> Path:
+def scene(workplace):
     (workplace / "room.toml").write_text(SCENE, encoding="utf-8")
     return workplace
 
 
-def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
+def test_a_file_for_each_object(scene, invoke):
     result = invoke("bake-lightmap room.toml -o maps --size 64 --padding 1")
     assert "wrote maps/the_floor.exr" in result.output
     pixels = read_image(scene / "maps" / "the_floor.exr", color=True).pixels
@@ -178,7 +170,7 @@ def test_a_file_for_each_object(scene: Path, invoke: Invoke) -> None:
     assert (scene / "maps" / "the_floor.png").is_file()
 
 
-def test_objects_of_one_name_get_files_of_their_own() -> None:
+def test_objects_of_one_name_get_files_of_their_own():
     names = ["lamp", "Lamp", "lamp_2", "a/b", "..", "", "Stra\u00dfe 1"]
     files = file_names(names)
     assert files == ["lamp", "Lamp_2", "lamp_2_2", "a_b", "object", "object_2", "Stra\u00dfe_1"]

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Invoke
 from texbake import Mesh, read_mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off", "glb"])
-def test_any_format_becomes_any_other(suffix: str, workplace: Path, invoke: Invoke) -> None:
+def test_any_format_becomes_any_other(suffix, workplace, invoke):
     invoke(f"convert low.obj low2.{suffix}")
     low, converted = read_mesh("low.obj"), read_mesh(f"low2.{suffix}")
     # As float32, which is what GLB and STL have; a GLB file lists vertices once for each seam.
@@ -22,7 +21,7 @@ def test_any_format_becomes_any_other(suffix: str, workplace: Path, invoke: Invo
     assert (converted.uvs is None) == (suffix in ("stl", "off"))
 
 
-def test_units_and_the_axis_that_points_up(workplace: Path, invoke: Invoke) -> None:
+def test_units_and_the_axis_that_points_up(workplace, invoke):
     result = invoke("convert low.obj meters.ply --units cm --up z --scale 2")
     assert result.output.splitlines()[0].split() == ["faces", "112"]
     moved, low = read_mesh("meters.ply"), read_mesh("low.obj")
@@ -33,7 +32,7 @@ def test_units_and_the_axis_that_points_up(workplace: Path, invoke: Invoke) -> N
     ("target", "lost"),
     [("a.ply", "materials"), ("a.stl", "texture coordinates, materials")],
 )
-def test_what_is_lost_is_said(target: str, lost: str, workplace: Path, invoke: Invoke) -> None:
+def test_what_is_lost_is_said(target, lost, workplace, invoke):
     text = Path("low.obj").read_text("utf-8").replace("\nf ", "\nusemtl red\nf ", 1)
     Path("red.obj").write_text(f"mtllib red.mtl\n{text}", "utf-8")
     Path("red.mtl").write_text("newmtl red\nKd 1 0 0\n", "utf-8")
@@ -43,14 +42,14 @@ def test_what_is_lost_is_said(target: str, lost: str, workplace: Path, invoke: I
     assert "written without" in invoke(f"convert red.obj {target}").output
 
 
-def test_a_mesh_may_replace_itself(workplace: Path, invoke: Invoke) -> None:
+def test_a_mesh_may_replace_itself(workplace, invoke):
     before = read_mesh("low.obj").positions
     invoke("transform low.obj -o own.obj --move 1,0,0")
     invoke("transform own.obj -o own.obj --move 0,2,0 -q")
     assert np.allclose(read_mesh("own.obj").positions, before + np.array([1, 2, 0]), atol=1e-15)
 
 
-def test_repairs_are_counted(tmp_path: Path, invoke: Invoke) -> None:
+def test_repairs_are_counted(tmp_path, invoke):
     ball = uv_sphere(4, 8)
     twice = Mesh(positions=ball.positions, faces=np.concatenate([ball.faces] * 2))
     write_mesh(twice, tmp_path / "twice.ply")
@@ -64,7 +63,7 @@ def test_repairs_are_counted(tmp_path: Path, invoke: Invoke) -> None:
     assert read_mesh(tmp_path / "kept.ply").n_faces == 2 * ball.n_faces
 
 
-def test_the_package_is_a_program(workplace: Path) -> None:
+def test_the_package_is_a_program(workplace):
     command = [sys.executable, "-P", "-m", "texbake", "convert", "low.obj", "low.off"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Invoke
 from texbake import write_mesh
 from texbake.mesh.shapes import cube, plane
 from texbake.sampling.rounds import BudgetClock
@@ -18,7 +17,7 @@ PICTURE = "preview cube.obj --size 96x64"
 
 
 @pytest.fixture(autouse=True)
-def meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def meshes(tmp_path, monkeypatch):
     """A current folder with a pair and a cube."""
     monkeypatch.chdir(tmp_path)
     write_mesh(plane(40, 40, lambda x, y: 0.05 * abs((7 * x) % 1 - 0.5)), "high.obj")
@@ -34,9 +33,7 @@ def meshes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (f"{PICTURE} -o cube.png", "2/255", "error of color"),
     ],
 )
-def test_a_maximum_error_is_met_and_reported(
-    invoke: Invoke, line: str, error: str, words: str
-) -> None:
+def test_a_maximum_error_is_met_and_reported(invoke, line, error, words):
     assert words in invoke(f"{line} --max-error {error} --report r.json").output
     report = json.loads(Path("r.json").read_text())
     assert report["sampling"]["max_error"] == error
@@ -48,9 +45,7 @@ def test_a_maximum_error_is_met_and_reported(
 
 
 @pytest.mark.parametrize(("line", "bound"), [(NORMALS, "0.004deg"), (PICTURE, "0.0625/255")])
-def test_the_bound_of_a_time_budget_gives_the_same_file(
-    invoke: Invoke, monkeypatch: pytest.MonkeyPatch, line: str, bound: str
-) -> None:
+def test_the_bound_of_a_time_budget_gives_the_same_file(invoke, monkeypatch, line, bound):
     # The time counts from the start of the process, which has run many tests.
     monkeypatch.setattr(BudgetClock, "of_process", lambda warn: BudgetClock())
     page = "--html page.html" if line == NORMALS else "--explain"
@@ -64,12 +59,12 @@ def test_the_bound_of_a_time_budget_gives_the_same_file(
     assert Path("a.png").read_bytes() == Path("again.png").read_bytes()
 
 
-def test_turntables_accept_a_bound(invoke: Invoke) -> None:
+def test_turntables_accept_a_bound(invoke):
     invoke("preview cube.obj -o turn --size 32 --view turntable:2 --max-error 0.02")
     assert sorted(path.name for path in Path("turn").iterdir()) == ["000.png", "001.png"]
 
 
-def test_too_short_a_time_is_a_warning_and_still_gives_maps() -> None:
+def test_too_short_a_time_is_a_warning_and_still_gives_maps():
     """In a process of its own, whose start takes longer than the budget."""
     line = f"{NORMALS} -o n.png --time-budget 0.01"
     process = subprocess.run(
@@ -100,7 +95,7 @@ run()
         "preview cube.obj -o p.png --size 64",
     ],
 )
-def test_stages_add_up_to_the_life_of_the_process(line: str) -> None:
+def test_stages_add_up_to_the_life_of_the_process(line):
     process = subprocess.run(
         [sys.executable, "-P", "-c", WITH_AGE, *line.split(), "--verbose"],
         capture_output=True, text=True, check=True,

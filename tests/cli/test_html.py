@@ -1,13 +1,8 @@
 """`--html` of the commands that have it; the pages themselves are tested in tests/pages."""
 
-from collections.abc import Callable
 from html import unescape
-from pathlib import Path
 
 import pytest
-from click.testing import Result
-
-Invoke = Callable[..., Result]
 
 # A command line, and the sections that its page has.
 BAKED = ("view", "maps", "errors", "distances", "times", "figures", "again")
@@ -23,14 +18,12 @@ LINES = {
 }  # fmt: skip
 
 
-def sections(page: str) -> list[str]:
+def sections(page):
     return [part.split('"')[0] for part in page.split('<section id="')[1:]]
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_a_page_shows_the_results_and_the_command_that_makes_them(
-    line: str, workplace: Path, invoke: Invoke
-) -> None:
+def test_a_page_shows_the_results_and_the_command_that_makes_them(line, workplace, invoke):
     result = invoke(f"{line} --html page.html")
     assert "wrote page.html" in result.output
     page = (workplace / "page.html").read_text(encoding="utf-8")
@@ -38,7 +31,7 @@ def test_a_page_shows_the_results_and_the_command_that_makes_them(
     assert f">texbake {line} --html page.html</code>" in unescape(page)
 
 
-def test_a_page_changes_no_other_file(workplace: Path, invoke: Invoke) -> None:
+def test_a_page_changes_no_other_file(workplace, invoke):
     for samples in "4", "adaptive":
         line = f"bake high.ply low.obj --maps displacement --size 64 --samples {samples}"
         invoke(f"{line} -o alone")
@@ -50,14 +43,14 @@ def test_a_page_changes_no_other_file(workplace: Path, invoke: Invoke) -> None:
             assert alone.read_bytes() == shown.read_bytes()
 
 
-def test_maps_made_for_the_page_alone_are_named(workplace: Path, invoke: Invoke) -> None:
+def test_maps_made_for_the_page_alone_are_named(workplace, invoke):
     invoke("bake high.ply low.obj -o maps --maps displacement --size 64 --html page.html")
     assert not (workplace / "maps" / "normal.png").exists()
     page = (workplace / "page.html").read_text(encoding="utf-8")
     assert page.count("Made for this page; there is no file of it.") == 1
 
 
-def test_light_maps_have_no_page(workplace: Path, invoke: Invoke) -> None:
+def test_light_maps_have_no_page(workplace, invoke):
     (workplace / "room.toml").write_text("", encoding="utf-8")
     line = "bake-lightmap room.toml -o maps --html page.html"
     assert "no such option '--html'" in invoke(line, 2).output

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.cli.conftest import Invoke
 from texbake import OptionError, read_image, read_mesh, write_image, write_mesh
 from texbake.mesh.shapes import plane
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE
@@ -16,7 +15,7 @@ FACES = [f"{name}.hdr" for name in ("nx", "ny", "nz", "px", "py", "pz")]
 
 
 @pytest.fixture
-def shop(workplace: Path) -> Path:
+def shop(workplace):
     """The workplace with images, a plane and cameras."""
     write_image(np.full((16, 24, 3), (1.0, 0.0, 0.0)), "red.png", color=True)
     y, x = np.mgrid[:32, :32] / 32
@@ -34,7 +33,7 @@ def shop(workplace: Path) -> Path:
 
 
 @pytest.fixture
-def codes(workplace: Path) -> np.ndarray:
+def codes(workplace):
     """Three 8-bit maps of random codes, as files and as (H, W, 3)."""
     values = np.random.default_rng(5).integers(0, 256, (12, 20, 3), dtype=np.uint8)
     for i, name in enumerate(("ao", "rough", "metal")):
@@ -42,7 +41,7 @@ def codes(workplace: Path) -> np.ndarray:
     return values
 
 
-def test_a_photograph_covers_the_faces_in_view(shop: Path, invoke: Invoke) -> None:
+def test_a_photograph_covers_the_faces_in_view(shop, invoke):
     invoke(
         "bake-texture low.obj -o t.png --photo red.png --camera front.toml --size 64 --fill none "
         "--feather 0 --report r.json"
@@ -53,13 +52,13 @@ def test_a_photograph_covers_the_faces_in_view(shop: Path, invoke: Invoke) -> No
     assert set(map(tuple, colors.reshape(-1, 3))) == {(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)}
 
 
-def test_colors_are_srgb(shop: Path, invoke: Invoke) -> None:
+def test_colors_are_srgb(shop, invoke):
     invoke("bake-texture low.obj -o t.png --procedure noise --colors #336699 --size 16")
     codes = read_image("t.png", color=False).pixels * 255
     np.testing.assert_allclose(codes, np.broadcast_to((0x33, 0x66, 0x99), codes.shape), atol=1e-4)
 
 
-def test_packed_texels_keep_their_codes(shop: Path, invoke: Invoke) -> None:
+def test_packed_texels_keep_their_codes(shop, invoke):
     rng = np.random.default_rng(0)
     deep = rng.integers(0, 65536, (20, 12, 3)).astype(np.uint16)
     for name, codes in (
@@ -75,7 +74,7 @@ def test_packed_texels_keep_their_codes(shop: Path, invoke: Invoke) -> None:
     np.testing.assert_array_equal(*flat)
 
 
-def test_packed_meshes_are_moved(shop: Path, invoke: Invoke) -> None:
+def test_packed_meshes_are_moved(shop, invoke):
     invoke(
         "pack-textures red.png hill.png -o a.png --mesh plane.obj --mesh low.obj --meshes-to out"
     )
@@ -85,7 +84,7 @@ def test_packed_meshes_are_moved(shop: Path, invoke: Invoke) -> None:
     np.testing.assert_allclose(extent, (24, 16), atol=1e-4)
 
 
-def test_heights_come_back_through_files(shop: Path, invoke: Invoke) -> None:
+def test_heights_come_back_through_files(shop, invoke):
     """Heights to normals to heights: each file records how the next command must read it."""
     invoke("height-to-normal hill.png -o n.png --scale 0.2 --width 1 --convention directx")
     assert read_image("n.png", color=False).metadata[CONVENTION] == "directx"
@@ -104,9 +103,7 @@ def test_heights_come_back_through_files(shop: Path, invoke: Invoke) -> None:
     assert np.abs(first - again).max() < 0.01
 
 
-def test_a_photograph_lies_where_the_mesh_unwrapped_onto_it_says(
-    shop: Path, invoke: Invoke
-) -> None:
+def test_a_photograph_lies_where_the_mesh_unwrapped_onto_it_says(shop, invoke):
     """A photograph that is red as it goes right and green as it goes up, at (v, 1 - u)."""
     steps = (np.arange(32) + 0.5) / 32
     s, t = np.meshgrid(steps, steps[::-1])
@@ -122,13 +119,13 @@ def test_a_photograph_lies_where_the_mesh_unwrapped_onto_it_says(
     np.testing.assert_allclose(baked, np.stack([v, 1.0 - u, 0.0 * u], axis=2), atol=0.01)
 
 
-def stored(path: str) -> np.ndarray:
+def stored(path):
     image = read_image(path, color=False)
     assert not image.is_float
     return np.rint(image.pixels * (2**image.bits - 1)).astype(int)
 
 
-def test_codes_come_back_as_they_were(codes: np.ndarray, invoke: Invoke) -> None:
+def test_codes_come_back_as_they_were(codes, invoke):
     result = invoke("pack-channels --red ao.png --green rough.png --blue metal.png -o orm.png")
     assert "20 x 12" in result.stdout
     assert read_image("orm.png", color=False).bits == 8
@@ -143,7 +140,7 @@ def test_codes_come_back_as_they_were(codes: np.ndarray, invoke: Invoke) -> None
     assert np.array_equal(stored("maps/orm_metallic.png")[..., 0], codes[..., 2])
 
 
-def test_channels_and_values_are_chosen(codes: np.ndarray, invoke: Invoke) -> None:
+def test_channels_and_values_are_chosen(codes, invoke):
     write_image(codes, "orm.png")
     invoke("pack-channels --red orm.png:b --green 1 --blue 0.2 --alpha orm.png:g -o x.tif")
     packed = stored("x.tif")
@@ -152,7 +149,7 @@ def test_channels_and_values_are_chosen(codes: np.ndarray, invoke: Invoke) -> No
     assert (packed[..., 1:3] == [255, 51]).all()
 
 
-def test_the_deepest_image_gives_the_bits(codes: np.ndarray, invoke: Invoke) -> None:
+def test_the_deepest_image_gives_the_bits(codes, invoke):
     deep = np.random.default_rng(6).integers(0, 65536, codes.shape[:2], dtype=np.uint16)
     write_image(deep, "deep.png")
     invoke("pack-channels --red deep.png --green ao.png --blue 0 -o orm.png")
@@ -161,7 +158,7 @@ def test_the_deepest_image_gives_the_bits(codes: np.ndarray, invoke: Invoke) -> 
     assert np.array_equal(packed[..., 1], codes[..., 0].astype(int) * 257)
 
 
-def test_floats_beyond_one_are_kept(shop: Path, invoke: Invoke) -> None:
+def test_floats_beyond_one_are_kept(shop, invoke):
     values = np.random.default_rng(7).normal(size=(4, 5, 3)).astype(np.float32) * 1e5
     write_image(values, "xyz.exr", bits=32)
     invoke("split-channels xyz.exr -o maps")
@@ -171,7 +168,7 @@ def test_floats_beyond_one_are_kept(shop: Path, invoke: Invoke) -> None:
     assert np.array_equal(read_image("two.exr", color=False).pixels[..., :2], values[..., :2])
 
 
-def test_the_files_are_those_of_the_python_functions(codes: np.ndarray, invoke: Invoke) -> None:
+def test_the_files_are_those_of_the_python_functions(codes, invoke):
     invoke("pack-channels --red ao.png --green rough.png --blue 0 -o a.png")
     done = pack_channels_file("b.png", "ao.png", Path("rough.png"), 0)
     assert Path("a.png").read_bytes() == Path("b.png").read_bytes()
@@ -186,7 +183,7 @@ def test_the_files_are_those_of_the_python_functions(codes: np.ndarray, invoke: 
         split_channels_files("b.png", ["r.png"], names=["x", "", "", "y"])
 
 
-def test_every_level_is_written(shop: Path, invoke: Invoke) -> None:
+def test_every_level_is_written(shop, invoke):
     result = invoke("mipmap wood.png -o levels")
     assert result.stdout.splitlines() == [f"wrote levels/wood_{index}.png" for index in range(4)]
     sizes = [read_image(f"levels/wood_{i}.png", color=True).pixels.shape[:2] for i in range(4)]
@@ -195,19 +192,19 @@ def test_every_level_is_written(shop: Path, invoke: Invoke) -> None:
     np.testing.assert_array_equal(first, read_image("wood.png", color=True).pixels)
 
 
-def test_levels_in_one_picture(shop: Path, invoke: Invoke) -> None:
+def test_levels_in_one_picture(shop, invoke):
     assert invoke("mipmap wood.png -o all.png --filter kaiser --wrap clamp -q").stdout == ""
     assert read_image("all.png", color=True).pixels.shape == (8, 18, 3)
 
 
-def test_roughness_of_normals(shop: Path, invoke: Invoke) -> None:
+def test_roughness_of_normals(shop, invoke):
     invoke("mipmap noisy.png -o levels.tif --kind normal --roughness rough")
     rough = [read_image(f"rough/noisy_roughness_{i}.png", color=False).pixels for i in range(4)]
     assert rough[0].max() < 0.05  # every texel alone is smooth
     assert rough[3].min() > 0.9  # noise in all directions is not
 
 
-def test_to_six_faces_and_back(shop: Path, invoke: Invoke) -> None:
+def test_to_six_faces_and_back(shop, invoke):
     result = invoke("cubemap sky.hdr -o faces/")
     assert sorted(path.name for path in Path("faces").iterdir()) == FACES
     assert "to    faces of 16 px" in result.stdout
@@ -220,7 +217,7 @@ def test_to_six_faces_and_back(shop: Path, invoke: Invoke) -> None:
     np.testing.assert_allclose(back.mean(axis=(0, 1)), sky.mean(axis=(0, 1)), rtol=0.05)
 
 
-def test_one_image_is_a_cross_and_clipping_is_reported(shop: Path, invoke: Invoke) -> None:
+def test_one_image_is_a_cross_and_clipping_is_reported(shop, invoke):
     result = invoke("cubemap sky.hdr -o cross.png --size 8 --convention inside")
     assert "warning: cross.png: " in result.stderr
     assert "were clipped; EXR and HDR files keep them" in result.stderr
@@ -230,14 +227,14 @@ def test_one_image_is_a_cross_and_clipping_is_reported(shop: Path, invoke: Invok
     assert (shop / "again" / "px.tga").is_file()
 
 
-def test_a_constant_stays_its_code(shop: Path, invoke: Invoke) -> None:
+def test_a_constant_stays_its_code(shop, invoke):
     invoke("cubemap even.png -o faces")
     for path in Path("faces").iterdir():
         codes = read_image(path, color=False).pixels * np.float32(255)
         np.testing.assert_allclose(codes, 100, atol=1e-3)
 
 
-def test_a_panorama_there_and_back(shop: Path, invoke: Invoke) -> None:
+def test_a_panorama_there_and_back(shop, invoke):
     y, x = np.mgrid[:256, :512] * (np.pi / 256)
     waves = 0.5 + 0.1 * sum(np.sin(y) ** 4 * np.sin(n * x) * np.sin(n * y) for n in (3, 8, 40, 100))
     write_image(np.repeat(waves[..., None], 3, axis=2).astype(np.float32), "waves.png", color=False)
@@ -245,7 +242,7 @@ def test_a_panorama_there_and_back(shop: Path, invoke: Invoke) -> None:
     invoke("cubemap faces -o back.png --size 256")
     earth, back = (read_image(path, color=False).pixels for path in ("waves.png", "back.png"))
 
-    def error(down: int, right: int) -> float:
+    def error(down, right):
         moved = np.roll(back, (down, right), axis=(0, 1))
         return float(np.sqrt(np.mean((moved - earth) ** 2)))
 

@@ -3,11 +3,8 @@
 Times are not measured here; what is imported decides most of the time of a command on a small mesh.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -22,7 +19,7 @@ HEAVY = frozenset({
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     """A folder with a mesh that has texture coordinates, and a denser one."""
     path = tmp_path_factory.mktemp("imports")
     loaded_by("make sphere -o low.obj --resolution 12x8", path)
@@ -30,7 +27,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def loaded_by(line: str, folder: Path) -> set[str]:
+def loaded_by(line, folder):
     """Names of the modules that a process has loaded after a command."""
     code = (
         "import sys\n"
@@ -45,7 +42,7 @@ def loaded_by(line: str, folder: Path) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
-def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
+def test_the_help_of_all_commands_loads_none_of_them(tmp_path):
     code = (
         "import sys\n"
         "from click.testing import CliRunner\n"
@@ -82,5 +79,5 @@ def test_the_help_of_all_commands_loads_none_of_them(tmp_path: Path) -> None:
         ("cage high.ply low.obj -o cage.obj", ""),
     ],
 )
-def test_a_command_loads_what_it_needs(line: str, needed: str, folder: Path) -> None:
+def test_a_command_loads_what_it_needs(line, needed, folder):
     assert loaded_by(line, folder) & HEAVY <= set(needed.split())

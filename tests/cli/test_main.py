@@ -6,8 +6,6 @@ import re
 import shlex
 import signal
 import subprocess
-from collections.abc import Callable
-from pathlib import Path
 
 import click
 import numpy as np
@@ -22,15 +20,13 @@ from texbake.errors import FileError, OptionError
 
 CONTEXT = click.Context(texbake, info_name="texbake")
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
-
-def examples_in(text: str) -> list[str]:
+def examples_in(text):
     """The command lines below `Example:`."""
     return re.findall(r"^ +texbake (.+)$", text.partition("Example:")[2], re.MULTILINE)
 
 
-def test_help_lists_every_command_with_its_purpose() -> None:
+def test_help_lists_every_command_with_its_purpose():
     result = CliRunner().invoke(texbake, ["--help"])
     assert result.exit_code == 0
     for name in COMMANDS:
@@ -41,7 +37,7 @@ def test_help_lists_every_command_with_its_purpose() -> None:
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_fits_a_terminal_and_has_examples_that_parse(name: str) -> None:
+def test_help_fits_a_terminal_and_has_examples_that_parse(name):
     command = texbake.get_command(CONTEXT, name)
     assert command is not None
     listed = click.Command(name, help=COMMANDS[name])
@@ -58,13 +54,13 @@ def test_help_fits_a_terminal_and_has_examples_that_parse(name: str) -> None:
         command.make_context(name, words[1:])  # raises where it does not parse
 
 
-def test_version(run: Run) -> None:
+def test_version(run):
     done = run("--version")
     assert (done.returncode, done.stdout) == (0, f"texbake, version {package.__version__}\n")
 
 
 @pytest.mark.parametrize("words", [[], ["--allow-outside"], ["--max-triangles", "5"]])
-def test_a_missing_command_is_wrong_usage_and_shows_the_help(words: list[str]) -> None:
+def test_a_missing_command_is_wrong_usage_and_shows_the_help(words):
     result = CliRunner().invoke(texbake, words)
     assert result.exit_code == 2
     assert "Meshes:" in result.output
@@ -83,7 +79,7 @@ def test_a_missing_command_is_wrong_usage_and_shows_the_help(words: list[str]) -
         (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
     ],
 )
-def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) -> None:
+def test_failures_are_one_line(error, exit_code, line):
     with (
         pytest.raises(click.ClickException) as caught,
         failures_as_one_line(CONTEXT),
@@ -94,7 +90,7 @@ def test_failures_are_one_line(error: BaseException, exit_code: int, line: str) 
     assert "\n" not in caught.value.message
 
 
-def test_out_of_memory_names_what_the_command_has() -> None:
+def test_out_of_memory_names_what_the_command_has():
     for name, ways in (
         ("bake", "--max-memory 2G, a smaller --size, fewer --samples, fewer --threads"),
         ("convert", "a smaller mesh"),
@@ -107,9 +103,7 @@ def test_out_of_memory_names_what_the_command_has() -> None:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a folder in use cannot be deleted there")
-def test_a_deleted_current_folder_is_an_error_of_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_deleted_current_folder_is_an_error_of_one_line(tmp_path, monkeypatch):
     folder = tmp_path / "deleted"
     folder.mkdir()
     monkeypatch.chdir(folder)
@@ -119,7 +113,7 @@ def test_a_deleted_current_folder_is_an_error_of_one_line(
     assert result.output == ("texbake: the current folder was deleted; change to another folder\n")
 
 
-def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:
+def test_a_bug_keeps_its_traceback(run, tmp_path):
     (tmp_path / "sitecustomize.py").write_text(
         "import texbake.mesh.files as files\nfiles.read_mesh = lambda *args, **options: 1 / 0\n"
     )
@@ -129,7 +123,7 @@ def test_a_bug_keeps_its_traceback(run: Run, tmp_path: Path) -> None:
     assert "Traceback" in done.stderr
 
 
-def test_the_reader_of_a_pipe_may_leave(script: Path) -> None:
+def test_the_reader_of_a_pipe_may_leave(script):
     # The pipe's reading end is closed before anything is written.
     read_end, write_end = os.pipe()
     os.close(read_end)
@@ -153,7 +147,7 @@ def test_the_reader_of_a_pipe_may_leave(script: Path) -> None:
         ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),
     ],
 )
-def test_the_shell_completes(script: Path, tmp_path: Path, words: str, expected: set[str]) -> None:
+def test_the_shell_completes(script, tmp_path, words, expected):
     (tmp_path / "scan.ply").touch()
     (tmp_path / "scan.txt").touch()
     (tmp_path / "scans").mkdir()
@@ -169,7 +163,7 @@ def test_the_shell_completes(script: Path, tmp_path: Path, words: str, expected:
     assert {line.partition(",")[2] for line in done.stdout.splitlines()} == expected
 
 
-def test_a_process_that_read_an_image_says_nothing_at_its_end(run: Run, tmp_path: Path) -> None:
+def test_a_process_that_read_an_image_says_nothing_at_its_end(run, tmp_path):
     # OpenImageIO reports objects that Python never frees.
     package.write_image(np.zeros((8, 8)), tmp_path / "height.png", color=False)
     done = run("height-to-normal height.png -o slopes.png", cwd=tmp_path)

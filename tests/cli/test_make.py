@@ -1,15 +1,9 @@
 """`texbake make`: every shape, as a command and as a process; wrong usage."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
-from click.testing import Result
 
 from texbake import make, read_mesh, write_image
-
-Invoke = Callable[..., Result]
 
 PATCH = "".join(f"{x} {y} {x * y / 9}\n" for y in range(4) for x in range(4))
 
@@ -28,7 +22,7 @@ LINES = {
 
 
 @pytest.fixture
-def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def workplace(tmp_path, monkeypatch):
     """A current folder with a profile, a patch and an image."""
     (tmp_path / "profile.txt").write_text("0 0\n1 0\n1 1\n")
     (tmp_path / "patch.txt").write_text(PATCH)
@@ -39,7 +33,7 @@ def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_shapes_are_written(line: str, workplace: Path, invoke: Invoke) -> None:
+def test_shapes_are_written(line, workplace, invoke):
     before = set(workplace.iterdir())
     result = invoke(line)
     name = line.split()[3]
@@ -51,7 +45,7 @@ def test_shapes_are_written(line: str, workplace: Path, invoke: Invoke) -> None:
         assert mesh.uvs is not None
 
 
-def test_the_mesh_is_that_of_the_api(workplace: Path, invoke: Invoke) -> None:
+def test_the_mesh_is_that_of_the_api(workplace, invoke):
     invoke("make torus -o a.obj --resolution 9x5 --radius 2 --minor-radius 0.5 --quiet")
     mesh = make("torus", resolution=(9, 5), radius=2, minor_radius=0.5)
     read = read_mesh("a.obj")

@@ -68,7 +68,7 @@ def test_closed_streams_stop_nothing(tmp_path, script, closed):
     assert texbake.read_mesh(tmp_path / "ball_uv.obj").uvs is not None
 
 
-def command_of(name: str) -> click.Command:
+def command_of(name):
     found = command.get_command(click.Context(command), name)
     assert found is not None
     return found
@@ -92,13 +92,11 @@ def command_of(name: str) -> click.Command:
         ("info", "a.ply: there is no such file", "a.ply: there is no such file"),
     ],
 )  # fmt: skip
-def test_parameters_become_flags(name: str, message: str, shown: str) -> None:
+def test_parameters_become_flags(name, message, shown):
     assert with_flags(message, command_of(name)) == shown
 
 
-def test_a_file_with_the_name_of_a_parameter_keeps_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_with_the_name_of_a_parameter_keeps_it(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("maps").mkdir()
     done = CliRunner().invoke(command, ["bake", "maps", "low.obj", "-o", "baked"])
@@ -106,10 +104,10 @@ def test_a_file_with_the_name_of_a_parameter_keeps_it(
     assert done.stderr.startswith("texbake: maps: there is no mesh in it")
 
 
-def test_without_a_command_a_message_stays() -> None:
+def test_without_a_command_a_message_stays():
     assert with_flags("size: 0; raise `size`") == "size: 0; raise `size`"
 
 
-def test_an_option_error_knows_its_parameters() -> None:
+def test_an_option_error_knows_its_parameters():
     assert OptionError("size: 0 is out of range").parameters == ("size",)
     assert OptionError("a/b.ply: two outputs").parameters == ()

@@ -1,8 +1,6 @@
 """Options of the command line against those of the API."""
 
 import dataclasses
-from pathlib import Path
-from typing import Any
 
 import click
 import pytest
@@ -18,7 +16,7 @@ from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format
 
 
-def parsed(line: str) -> dict[str, Any]:
+def parsed(line):
     """Values of the options of a command, after its defaults."""
     name, *words = line.split()
     command = texbake.get_command(click.Context(texbake), name)
@@ -38,7 +36,7 @@ def parsed(line: str) -> dict[str, Any]:
         ("demo", DemoOptions()),
     ],
 )
-def test_defaults_are_those_of_the_api(line: str, options: Any) -> None:
+def test_defaults_are_those_of_the_api(line, options):
     values = parsed(line)
     shared = [field.name for field in dataclasses.fields(options) if field.name in values]
     assert len(shared) >= 3
@@ -57,7 +55,7 @@ OUTPUTS = [line for *_, line in LINES.values() if " -o " in line and line.split(
 
 
 @pytest.mark.parametrize("line", OUTPUTS)
-def test_the_output_may_also_be_the_last_argument(line: str) -> None:
+def test_the_output_may_also_be_the_last_argument(line):
     words = line.split()
     place = words.index("-o")
     name = words.pop(place + 1)
@@ -72,7 +70,7 @@ def test_the_output_may_also_be_the_last_argument(line: str) -> None:
             parsed(f"{line} other")
 
 
-def test_an_input_is_not_taken_for_the_output(tmp_path: Path) -> None:
+def test_an_input_is_not_taken_for_the_output(tmp_path):
     there = tmp_path / "b.obj"
     write_mesh(cube(), there)
     with pytest.raises(click.UsageError, match=r"b\.obj exists; name the output with -o"):
@@ -81,7 +79,7 @@ def test_an_input_is_not_taken_for_the_output(tmp_path: Path) -> None:
         parsed("unwrap a.obj")
 
 
-def test_a_preview_overrides_only_set_options_and_shows_all_defaults() -> None:
+def test_a_preview_overrides_only_set_options_and_shows_all_defaults():
     names = ("size", "view", "up", "supersampling", "edges")
     assert {parsed("preview a -o b.png")[name] for name in names} == {None}
     assert parsed("preview a -o b.png --up z --size 8")["up"] == "z"
@@ -94,7 +92,7 @@ def test_a_preview_overrides_only_set_options_and_shows_all_defaults() -> None:
 
 
 @pytest.mark.parametrize("line", ["bake-normals a b -o c.png", "bake a b -o c"])
-def test_every_choice_of_a_bake_can_be_made(line: str) -> None:
+def test_every_choice_of_a_bake_can_be_made(line):
     # keep_hits is for scripts, which have the result in their hands; a file has no hits.
     fields = {field.name for field in dataclasses.fields(BakeOptions)} - {"keep_hits"}
     if line.startswith("bake-normals"):
@@ -106,5 +104,5 @@ def test_every_choice_of_a_bake_can_be_made(line: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)
-def test_images_are_recognized_in_every_format_offered(suffix: str) -> None:
+def test_images_are_recognized_in_every_format_offered(suffix):
     assert check_image_format(f"a{suffix}") in (8, 16, 32)

@@ -12,7 +12,7 @@ from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import plane
 
 
-def square(name: str, x: float, *, z: float = 0.0, u: float = 0.0):
+def square(name, x, *, z=0.0, u=0.0):
     mesh = plane(3, 3)
     return mesh.replace(
         positions=mesh.positions + np.array([x, 0.0, z]),

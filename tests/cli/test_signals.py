@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -78,7 +77,7 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no 
 
 @pytest.mark.parametrize("hears", WORKS)
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
-def test_it_ends_and_leaves_only_the_older_files(name: str, hears: str, tmp_path: Path) -> None:
+def test_it_ends_and_leaves_only_the_older_files(name, hears, tmp_path):
     outputs, scratch = tmp_path / "outputs", tmp_path / "scratch"
     outputs.mkdir()
     scratch.mkdir()
@@ -105,7 +104,7 @@ def test_it_ends_and_leaves_only_the_older_files(name: str, hears: str, tmp_path
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
-def test_it_ends_while_modules_are_imported(name: str) -> None:
+def test_it_ends_while_modules_are_imported(name):
     number = getattr(signal, name)
     done = subprocess.run(
         [sys.executable, "-P", "-c", EARLY, str(int(number))], capture_output=True, text=True
@@ -115,7 +114,7 @@ def test_it_ends_while_modules_are_imported(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
-def test_the_exit_code_of_a_command_that_has_ended_stands(name: str) -> None:
+def test_the_exit_code_of_a_command_that_has_ended_stands(name):
     number = str(int(getattr(signal, name)))
     done = subprocess.run([sys.executable, "-P", "-c", LATE, number], capture_output=True)
     assert (done.returncode, done.stderr) == (0, b"")

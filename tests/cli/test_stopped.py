@@ -16,7 +16,6 @@ from click.testing import CliRunner
 from texbake_cli.main import COMMANDS, texbake
 from writing_commands import LINES, READING, contents, make_inputs
 
-from tests.cli.conftest import Invoke, Run
 from texbake import read_mesh
 
 N_KILLS = int(os.environ.get("TEXBAKE_KILLS", "4"))
@@ -32,7 +31,7 @@ ONE_FILE = {
 }  # fmt: skip
 
 
-def test_every_command_that_writes_has_a_line() -> None:
+def test_every_command_that_writes_has_a_line():
     assert {lines[-1].split()[0] for lines in LINES.values()} == COMMANDS.keys() - READING
     for name in READING:
         command = texbake.get_command(click.Context(texbake), name)
@@ -40,9 +39,7 @@ def test_every_command_that_writes_has_a_line() -> None:
 
 
 @pytest.mark.parametrize("name", sorted(LINES.keys() - BUILDS - MEASURES - ONE_FILE))
-def test_an_interrupted_command_keeps_the_older_files(
-    name: str, workplace: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_command_keeps_the_older_files(name, workplace, invoke, monkeypatch):
     make_inputs(workplace)
     *before, line = LINES[name]
     for prepare in before:
@@ -52,7 +49,7 @@ def test_an_interrupted_command_keeps_the_older_files(
     made: list[str] = []
     last = 0
 
-    def open_file(path: str, flags: int, *rest: int) -> int:
+    def open_file(path, flags, *rest):
         if flags & os.O_EXCL and Path(path).parent.is_relative_to(workplace):
             made.append(path)
             if len(made) == last:
@@ -72,7 +69,7 @@ def test_an_interrupted_command_keeps_the_older_files(
     assert contents(workplace) == older
 
 
-def start(script: Path, line: str, scratch: Path) -> subprocess.Popen[bytes]:
+def start(script, line, scratch):
     return subprocess.Popen(
         [script, *line.split(), "--quiet"],
         env={**os.environ, "TMPDIR": str(scratch)},
@@ -83,7 +80,7 @@ def start(script: Path, line: str, scratch: Path) -> subprocess.Popen[bytes]:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 @pytest.mark.parametrize("name", ["split-channels", "unwrap several"])
-def test_killed_commands(name: str, workplace: Path, script: Path, tmp_path_factory) -> None:  # type: ignore[no-untyped-def]
+def test_killed_commands(name, workplace, script, tmp_path_factory):  # type: ignore[no-untyped-def]
     """`TEXBAKE_KILLS=100` kills each command that often."""
     make_inputs(workplace)
     inputs = contents(workplace)
@@ -115,7 +112,7 @@ def test_killed_commands(name: str, workplace: Path, script: Path, tmp_path_fact
     assert not list(scratch.iterdir())
 
 
-def names_in(folder: Path) -> list[str]:
+def names_in(folder):
     """All names, including hidden ones such as those of half-written files."""
     return sorted(path.name for path in folder.iterdir())
 
@@ -127,8 +124,8 @@ def names_in(folder: Path) -> list[str]:
         "bake-texture low.obj -o there.tif --procedure noise",
     ],
 )
-def test_a_full_disk_loses_nothing(workplace: Path, run: Run, line: str) -> None:
-    def fill_the_disk() -> None:
+def test_a_full_disk_loses_nothing(workplace, run, line):
+    def fill_the_disk():
         # A file may not grow past 4 KiB, as on a full disk.
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
@@ -147,7 +144,7 @@ def test_a_full_disk_loses_nothing(workplace: Path, run: Run, line: str) -> None
 
 
 @pytest.mark.parametrize("line", ["info low.obj", "--help", "bake --help"])
-def test_what_cannot_be_printed(workplace: Path, script: Path, line: str) -> None:
+def test_what_cannot_be_printed(workplace, script, line):
     words = [script, *line.split()]
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60)
@@ -156,7 +153,7 @@ def test_what_cannot_be_printed(workplace: Path, script: Path, line: str) -> Non
     assert said == "texbake: standard output: cannot be written: No space left on device"
 
 
-def test_inputs_are_read_before_outputs_replace_them(workplace: Path, invoke: Invoke) -> None:
+def test_inputs_are_read_before_outputs_replace_them(workplace, invoke):
     before = read_mesh("low.obj")
     invoke("unwrap low.obj -o low.obj --size 128")
     after = read_mesh("low.obj")

@@ -22,11 +22,11 @@ from texbake_cli.terminal import Terminal, columns, table
         (9.9996e14, "999960 G rays/s"),
     ],
 )
-def test_rates_have_three_digits_at_most(rate: float, text: str) -> None:
+def test_rates_have_three_digits_at_most(rate, text):
     assert rate_text(rate, "rays") == text
 
 
-def test_json_lines_carry_every_field() -> None:
+def test_json_lines_carry_every_field():
     stream = io.StringIO()
     sink = JsonLines(stream)
     sink.started("cast rays", 200, "rays")
@@ -57,7 +57,7 @@ def test_json_lines_carry_every_field() -> None:
     assert events[4]["total"] is None
 
 
-def test_a_stage_within_a_stage_keeps_its_own_count() -> None:
+def test_a_stage_within_a_stage_keeps_its_own_count():
     stream = io.StringIO()
     sink = JsonLines(stream)
     sink.started("outer", 10, "meshes")
@@ -68,7 +68,7 @@ def test_a_stage_within_a_stage_keeps_its_own_count() -> None:
     assert json.loads(stream.getvalue().splitlines()[-1])["done"] == 3
 
 
-def test_bars_leave_one_line_a_stage() -> None:
+def test_bars_leave_one_line_a_stage():
     from rich.console import Console
 
     stream = io.StringIO()
@@ -84,16 +84,12 @@ def test_bars_leave_one_line_a_stage() -> None:
     assert f"  {'[odd] name':<24}    0.25 s" in text
 
 
-def test_table_aligns_values_and_has_no_color_in_a_pipe(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_table_aligns_values_and_has_no_color_in_a_pipe(capsys):
     table([("Rays", ""), ("cast", "1,000"), ("recovered", "3")])
     assert capsys.readouterr().out == "Rays\ncast       1,000\nrecovered  3\n"
 
 
-def test_columns_on_a_terminal_are_as_wide_as_their_cells(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_columns_on_a_terminal_are_as_wide_as_their_cells(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "40")
     columns([("face", "Dirichlet"), ("7", "4.0")], numbers=2)
@@ -106,7 +102,7 @@ def test_columns_on_a_terminal_are_as_wide_as_their_cells(
         assert len(line) == 40 and line.startswith((40 - 3 * (n - 1) - 1) * "x" + "…")
 
 
-def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> None:
+def test_quiet_says_nothing_but_warnings(capsys):
     terminal = Terminal(kind="json", quiet=True)
     with terminal.progress() as progress:
         assert progress is None
@@ -117,9 +113,7 @@ def test_quiet_says_nothing_but_warnings(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr() == ("", "texbake: warning: padding of two charts meets\n")
 
 
-def test_short_work_prints_nothing_where_stderr_is_no_terminal(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_short_work_prints_nothing_where_stderr_is_no_terminal(capsys):
     with Terminal().progress() as progress:
         assert progress is not None
         progress.started("bake", 10, "texels")
@@ -128,14 +122,14 @@ def test_short_work_prints_nothing_where_stderr_is_no_terminal(
     assert capsys.readouterr() == ("", "")
 
 
-def timed_lines() -> tuple[Lines, list[str], list[float]]:
+def timed_lines():
     """Lines on a clock that stands still, what they print, and the time of the clock."""
     printed: list[str] = []
     now = [100.0]
     return Lines(printed.append, lambda: now[0]), printed, now
 
 
-def test_a_long_stage_is_announced_once() -> None:
+def test_a_long_stage_is_announced_once():
     lines, printed, now = timed_lines()
     lines.started("bake", 1000, "texels")
     now[0] += 2.0
@@ -147,7 +141,7 @@ def test_a_long_stage_is_announced_once() -> None:
     assert printed == ["bake takes about 4.2 min"]
 
 
-def test_a_stage_of_less_than_a_minute_is_not_announced() -> None:
+def test_a_stage_of_less_than_a_minute_is_not_announced():
     lines, printed, now = timed_lines()
     lines.started("bake", 100, "texels")
     now[0] += 5.0
@@ -155,7 +149,7 @@ def test_a_stage_of_less_than_a_minute_is_not_announced() -> None:
     assert printed == []
 
 
-def test_lines_tell_the_state_of_the_innermost_stage() -> None:
+def test_lines_tell_the_state_of_the_innermost_stage():
     lines, printed, now = timed_lines()
     lines.tick()
     lines.started("run", None, "")
@@ -175,7 +169,7 @@ def test_lines_tell_the_state_of_the_innermost_stage() -> None:
     ]  # fmt: skip
 
 
-def test_lines_are_printed_while_the_work_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lines_are_printed_while_the_work_runs(monkeypatch):
     monkeypatch.setattr(Lines, "INTERVAL", 0.01)
     printed = threading.Event()
     with Lines(lambda text: printed.set()) as lines:

@@ -1,7 +1,6 @@
 """Values of options, and what a shell completes them to."""
 
 from pathlib import Path
-from typing import Any
 
 import click
 import pytest
@@ -11,7 +10,7 @@ CONTEXT = click.Context(click.Command("test"))
 PARAM = click.Option(["--it"])
 
 
-def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
+def completions(kind, start):
     return [(item.value, item.type) for item in kind.shell_complete(CONTEXT, PARAM, start)]
 
 
@@ -38,7 +37,7 @@ def completions(kind: click.ParamType, start: str) -> list[tuple[str, str]]:
         (Names(["normal", "height"]), "height, normal,height", ("height", "normal")),
     ],
 )
-def test_text_becomes_a_value(kind: click.ParamType, text: str, value: Any) -> None:
+def test_text_becomes_a_value(kind, text, value):
     assert kind.convert(text, PARAM, CONTEXT) == value
 
 
@@ -62,12 +61,12 @@ def test_text_becomes_a_value(kind: click.ParamType, text: str, value: Any) -> N
         (Names(["normal"]), ""),
     ],
 )
-def test_wrong_text_is_wrong_usage(kind: click.ParamType, text: str) -> None:
+def test_wrong_text_is_wrong_usage(kind, text):
     with pytest.raises(click.BadParameter):
         kind.convert(text, PARAM, CONTEXT)
 
 
-def test_the_name_after_the_last_comma_is_completed() -> None:
+def test_the_name_after_the_last_comma_is_completed():
     kind = Names(["normal", "displacement", "height"])
     assert completions(kind, "no") == [("normal", "plain")]
     assert completions(kind, "normal,") == [
@@ -76,7 +75,7 @@ def test_the_name_after_the_last_comma_is_completed() -> None:
     ]
 
 
-def test_mesh_files_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mesh_files_are_completed(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for name in "scan.ply", "scan.PLY", "scan.txt", ".hidden.ply", "other.ply":
         Path(name).touch()
@@ -100,9 +99,7 @@ def test_mesh_files_are_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert completions(kind, ".h") == [(".hidden.ply", "plain")]
 
 
-def test_where_no_file_fits_the_shell_finds_folders(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_no_file_fits_the_shell_finds_folders(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("scans").mkdir()
     assert completions(FileOf((".ply",)), "sc") == [("sc", "file")]

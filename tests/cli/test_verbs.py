@@ -3,30 +3,28 @@
 import json
 import shlex
 import shutil
-from collections.abc import Callable, Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import get_origin
 
 import click
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from texbake_cli.main import COMMANDS, texbake
 from writing_commands import LINES, contents, make_inputs
 
 from texbake import write_mesh
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.mesh.shapes import uv_sphere
-from texbake.schema import OptionField, option_fields
+from texbake.schema import option_fields
 from texbake.verbs.verb import Options, Reads, Writes, find_verb
 
 VERBS = {name: verb for name in COMMANDS if (verb := find_verb(name)) is not None}
-Run = Callable[..., Result]
 CONTEXT = click.Context(texbake)
 
 
 @pytest.fixture(scope="module")
-def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def inputs(tmp_path_factory):
     """A folder with everything that the lines of commands read."""
     folder = tmp_path_factory.mktemp("inputs")
     with pytest.MonkeyPatch.context() as patch:
@@ -38,19 +36,19 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
+def run(inputs, tmp_path, monkeypatch):
     """Run a command where its inputs are."""
     folder = tmp_path / "here"
     shutil.copytree(inputs, folder)
     monkeypatch.chdir(folder)
 
-    def run(words: list[str]) -> Result:
+    def run(words):
         return CliRunner().invoke(texbake, words, standalone_mode=True)
 
     return run
 
 
-def prepared(name: str, run: Run) -> list[str]:
+def prepared(name, run):
     """Run what comes before the line of a command; return the words of the line."""
     *before, line = LINES[name]
     for earlier in before:
@@ -58,7 +56,7 @@ def prepared(name: str, run: Run) -> list[str]:
     return [word for word in shlex.split(line) if word != "--report" and word != "r.json"]
 
 
-def with_output(words: list[str], output: str) -> list[str]:
+def with_output(words, output):
     """Return the words of a line with another output."""
     if "-o" not in words:
         return [*words[:-1], "-o", output]
@@ -66,13 +64,13 @@ def with_output(words: list[str], output: str) -> list[str]:
     return [*words[:place], output, *words[place + 1 :]]
 
 
-def values(name: str, words: list[str]) -> dict[str, object]:
+def values(name, words):
     command = texbake.get_command(click.Context(texbake), name)
     assert command is not None
     return command.make_context(name, words[1:]).params
 
 
-def outputs_of(name: str) -> list[Writes]:
+def outputs_of(name):
     return VERBS[name].of_kind(Writes)
 
 
@@ -80,7 +78,7 @@ WRITING = [name for name in VERBS if any(part.name == "output" for part in outpu
 
 
 @pytest.mark.parametrize("name", VERBS)
-def test_a_verb_takes_every_file_that_it_declares(name: str) -> None:
+def test_a_verb_takes_every_file_that_it_declares(name):
     verb = VERBS[name]
     parts = [part.name for part in (*verb.of_kind(Reads), *verb.of_kind(Writes))]
     options = {item.name for part in verb.of_kind(Options) for item in fields(part.kind)}
@@ -92,7 +90,7 @@ MANY_FILES = {"bench", "build", "preview", "study", "watch"}
 
 
 @pytest.mark.parametrize("name", sorted(LINES.keys() - MANY_FILES))
-def test_a_command_lists_all_files_that_it_writes(name: str, run: Run) -> None:
+def test_a_command_lists_all_files_that_it_writes(name, run):
     words = [*prepared(name, run), *(["--report", "r.json"] if "r.json" in LINES[name][-1] else [])]
     before = contents(Path())
     done = run([*words, "--verbose"])
@@ -106,7 +104,7 @@ def test_a_command_lists_all_files_that_it_writes(name: str, run: Run) -> None:
 
 # The demo is a `run`, which takes long.
 @pytest.mark.parametrize("name", sorted(VERBS.keys() & LINES.keys() - {"demo"}))
-def test_a_report_is_written_and_quiet_says_nothing(name: str, run: Run) -> None:
+def test_a_report_is_written_and_quiet_says_nothing(name, run):
     words = prepared(name, run)
     reports = any(part.kind == "report" for part in VERBS[name].of_kind(Writes))
     done = run([*words, "--quiet", *(["--report", "figures.json"] if reports else [])])
@@ -117,7 +115,7 @@ def test_a_report_is_written_and_quiet_says_nothing(name: str, run: Run) -> None
 
 
 @pytest.mark.parametrize("name", WRITING)
-def test_no_output_replaces_an_input_or_another_output(name: str, run: Run) -> None:
+def test_no_output_replaces_an_input_or_another_output(name, run):
     verb, words = VERBS[name], prepared(name, run)
     given, (over,) = values(name, words), [p.over for p in outputs_of(name) if p.name == "output"]
     read = [
@@ -137,7 +135,7 @@ def test_no_output_replaces_an_input_or_another_output(name: str, run: Run) -> N
 
 
 @pytest.mark.parametrize("name", [name for name in VERBS if outputs_of(name)])
-def test_an_output_that_cannot_be_written_is_one_line(name: str, run: Run) -> None:
+def test_an_output_that_cannot_be_written_is_one_line(name, run):
     words = prepared(name, run)
     before = contents(Path())
     for part in outputs_of(name):
@@ -155,7 +153,7 @@ def test_an_output_that_cannot_be_written_is_one_line(name: str, run: Run) -> No
         assert contents(Path()) == before
 
 
-def wrong_values(item: OptionField) -> Iterator[str]:
+def wrong_values(item):
     """Values of an option outside its range or its choices."""
     option = item.option
     if option.choices and not any(kind in (str, float, int) for kind in item.kinds[1:]):
@@ -169,7 +167,7 @@ UNREAD = {"bake-texture": PhotoOptions, "bake-texture photos": SolidOptions}
 
 
 @pytest.mark.parametrize("name", [*sorted(VERBS.keys() & LINES.keys()), "bake-texture photos"])
-def test_a_value_out_of_its_range_or_choices_is_wrong_usage(name: str, run: Run) -> None:
+def test_a_value_out_of_its_range_or_choices_is_wrong_usage(name, run):
     words = prepared(name, run)
     params = {param.name: param for param in texbake.get_command(CONTEXT, words[0]).params}
     for part in VERBS[words[0]].of_kind(Options):

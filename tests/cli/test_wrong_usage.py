@@ -6,12 +6,11 @@ test_verbs.py.
 
 import os
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import CliRunner
 from texbake_cli.main import texbake
 from texbake_cli.signals import FAILED, WRONG_USAGE
 from writing_commands import contents
@@ -19,8 +18,6 @@ from writing_commands import contents
 from texbake import write_image, write_mesh
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.metadata import SPACE
-
-Invoke = Callable[..., Result]
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 STORY = "It was a dark and stormy night.\n" * 3
@@ -56,7 +53,7 @@ TEXTS = {
 
 
 @pytest.fixture(scope="module")
-def place(pair: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def place(pair, tmp_path_factory):
     """A folder of meshes, images and texts, most of which have a fault."""
     folder = tmp_path_factory.mktemp("wrong")
     for file in pair.iterdir():
@@ -297,9 +294,7 @@ LONG = 300 * "x"
         ),
     ],
 )
-def test_one_line_the_exit_code_and_nothing_else(
-    place: Path, monkeypatch: pytest.MonkeyPatch, line: str, exit_code: int, message: str
-) -> None:
+def test_one_line_the_exit_code_and_nothing_else(place, monkeypatch, line, exit_code, message):
     monkeypatch.chdir(place)
     before = contents(Path())
     result = CliRunner().invoke(texbake, line.split())
@@ -319,15 +314,13 @@ def test_one_line_the_exit_code_and_nothing_else(
         "run high.ply -o job --faces 100",
     ],
 )
-def test_a_folder_that_may_not_be_written_to(
-    workplace: Path, invoke: Invoke, monkeypatch: pytest.MonkeyPatch, line: str
-) -> None:
+def test_a_folder_that_may_not_be_written_to(workplace, invoke, monkeypatch, line):
     # Root, who may run the tests, may write anywhere: so the system's answer is simulated.
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
     assert "cannot be written to" in invoke(line, FAILED).stderr
 
 
-def test_links(workplace: Path, invoke: Invoke) -> None:
+def test_links(workplace, invoke):
     """A link to an input is that input; links in a circle are an error."""
     Path("round.png").symlink_to("round.png")
     line = "bake-normals high.ply low.obj -o"

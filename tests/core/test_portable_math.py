@@ -3,7 +3,7 @@
 import decimal
 import hashlib
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from decimal import Decimal
 
 import numpy as np
@@ -20,7 +20,7 @@ PI = Decimal(
 )
 
 
-def series(terms: Iterable[Decimal]) -> Decimal:
+def series(terms):
     total = Decimal(0)
     for term in terms:
         total += term
@@ -29,12 +29,12 @@ def series(terms: Iterable[Decimal]) -> Decimal:
     raise AssertionError
 
 
-def true_sin(x: Decimal) -> Decimal:
+def true_sin(x):
     with decimal.localcontext(prec=420):  # 1e308 has 308 digits before its first fraction
         pi = 4 * (4 * _atan_series(Decimal(1) / 5) - _atan_series(Decimal(1) / 239))
         rest = x - 2 * pi * (x / (2 * pi)).to_integral_value()
 
-        def terms() -> Iterable[Decimal]:
+        def terms():
             term, n = rest, 1
             while True:
                 yield term
@@ -43,7 +43,7 @@ def true_sin(x: Decimal) -> Decimal:
         return series(terms())
 
 
-def _atan_series(x: Decimal) -> Decimal:
+def _atan_series(x):
     term, total, n = x, x, 1
     while abs(term) > Decimal(10) ** (5 - decimal.getcontext().prec):
         term, n = -term * x * x, n + 2
@@ -51,20 +51,20 @@ def _atan_series(x: Decimal) -> Decimal:
     return total
 
 
-def true_atan(x: Decimal) -> Decimal:
+def true_atan(x):
     halvings = 0
     while abs(x) > Decimal("0.05"):
         x, halvings = x / (1 + (1 + x * x).sqrt()), halvings + 1
     return _atan_series(x) * 2**halvings
 
 
-def true_cos(x: Decimal) -> Decimal:
+def true_cos(x):
     with decimal.localcontext(prec=420):
         half = true_sin(x / 2)
         return 1 - 2 * half * half
 
 
-def true_asin(x: Decimal) -> Decimal:
+def true_asin(x):
     return PI / 2 if x == 1 else true_atan(x / ((1 - x) * (1 + x)).sqrt())
 
 
@@ -85,11 +85,11 @@ TRUTHS: dict[str, Callable[..., Decimal]] = {
 }
 
 
-def arguments(name: str) -> list[np.ndarray]:
+def arguments(name):
     """Some 300 arguments of a function, of all sizes and near its difficult points."""
     random = np.random.Generator(np.random.PCG64(7))
 
-    def sizes(low: float, high: float, n: int = 100) -> np.ndarray:
+    def sizes(low, high, n=100):
         return np.ldexp(random.uniform(0.5, 1.0, n), random.integers(low, high, n))
 
     signs = np.where(random.random(100) < 0.5, -1.0, 1.0)
@@ -114,12 +114,12 @@ def arguments(name: str) -> list[np.ndarray]:
     return [signs * sizes(-50, 50), np.roll(signs, 3) * sizes(-50, 50)]
 
 
-def ulps_off(found: float, truth: Decimal) -> float:
+def ulps_off(found, truth):
     return float(abs(Decimal(found) - truth) / Decimal(math.ulp(float(truth))))
 
 
 @pytest.mark.parametrize("name", TRUTHS)
-def test_results_are_off_by_less_than_a_unit_in_the_last_place(name: str) -> None:
+def test_results_are_off_by_less_than_a_unit_in_the_last_place(name):
     given = arguments(name)
     found = getattr(pm, name)(*given).tolist()
     rows = zip(*(map(Decimal, x.tolist()) for x in given), strict=True)
@@ -127,7 +127,7 @@ def test_results_are_off_by_less_than_a_unit_in_the_last_place(name: str) -> Non
     assert max(map(ulps_off, found, truths)) < MOST_ULPS
 
 
-def test_bits_are_the_same_on_every_processor() -> None:
+def test_bits_are_the_same_on_every_processor():
     digest = hashlib.sha256()
     for name in sorted(TRUTHS):
         digest.update(getattr(pm, name)(*arguments(name)).tobytes())
@@ -150,11 +150,11 @@ def test_bits_are_the_same_on_every_processor() -> None:
         ("sin", (-0.0,), -0.0),
     ],
 )  # fmt: skip
-def test_special_values_are_as_in_c(name: str, given: tuple[float, ...], result: float) -> None:
+def test_special_values_are_as_in_c(name, given, result):
     np.testing.assert_equal(getattr(pm, name)(*given), result)
 
 
-def test_numbers_give_numbers_and_float32_gives_float32() -> None:
+def test_numbers_give_numbers_and_float32_gives_float32():
     assert type(pm.sin(np.float64(1.0))) is float
     assert pm.power(np.full((2, 3), 2.0, np.float32), np.float32(0.5)).dtype == np.float32
     assert pm.arctan2(np.ones((2, 1)), np.ones(3)).shape == (2, 3)
@@ -164,7 +164,7 @@ def test_numbers_give_numbers_and_float32_gives_float32() -> None:
     assert np.abs(found - exact).max() <= 0.51 * np.spacing(np.float32(0.5))
 
 
-def test_matrices_are_multiplied_as_by_numpy() -> None:
+def test_matrices_are_multiplied_as_by_numpy():
     random = np.random.Generator(np.random.PCG64(1))
     for a, b in (
         ((3, 4), (4, 2)), ((5, 3, 4), (4, 2)), ((4, 4), (5, 4, 2)), ((5, 3, 4), (5, 4, 2)),
@@ -175,7 +175,7 @@ def test_matrices_are_multiplied_as_by_numpy() -> None:
         np.testing.assert_allclose(pm.matmul(first, second), first @ second, rtol=1e-13, atol=1e-14)
 
 
-def test_systems_inverses_and_determinants() -> None:
+def test_systems_inverses_and_determinants():
     random = np.random.Generator(np.random.PCG64(2))
     a, b = random.normal(size=(50, 4, 4)), random.normal(size=(50, 4, 2))
     np.testing.assert_allclose(pm.matmul(a, pm.solve(a, b)), b, atol=1e-11)
@@ -188,7 +188,7 @@ def test_systems_inverses_and_determinants() -> None:
 
 
 @pytest.mark.parametrize("function", [pm.eigh, pm.svd, pm.inv, pm.det])
-def test_the_order_in_memory_changes_nothing(function: Callable[..., object]) -> None:
+def test_the_order_in_memory_changes_nothing(function):
     a = np.random.Generator(np.random.PCG64(5)).normal(size=(4, 4))
     symmetric = a + a.T
     by_columns = np.asfortranarray(symmetric)
@@ -196,7 +196,7 @@ def test_the_order_in_memory_changes_nothing(function: Callable[..., object]) ->
 
 
 @pytest.mark.parametrize("scale", [1e-150, 1.0, 1e150])
-def test_eigenvectors_and_singular_vectors(scale: float) -> None:
+def test_eigenvectors_and_singular_vectors(scale):
     random = np.random.Generator(np.random.PCG64(3))
     a = random.normal(size=(20, 3, 3)) * scale
     symmetric = a + a.swapaxes(1, 2)
@@ -215,7 +215,7 @@ def test_eigenvectors_and_singular_vectors(scale: float) -> None:
         np.testing.assert_allclose(images, sizes, rtol=1e-13)
 
 
-def test_least_squares_of_a_matrix_without_full_rank() -> None:
+def test_least_squares_of_a_matrix_without_full_rank():
     random = np.random.Generator(np.random.PCG64(4))
     matrix = random.normal(size=(9, 3))
     matrix[:, 2] = matrix[:, 0] - matrix[:, 1]
@@ -225,7 +225,7 @@ def test_least_squares_of_a_matrix_without_full_rank() -> None:
     np.testing.assert_allclose(found, np.linalg.lstsq(matrix, sides, rcond=1e-10)[0], atol=1e-13)
 
 
-def test_interpolation_is_that_of_numpy() -> None:
+def test_interpolation_is_that_of_numpy():
     rng = np.random.default_rng(5)
     places, values = np.sort(rng.normal(size=9)), rng.normal(size=9)
     x = np.concatenate([rng.normal(scale=2.0, size=1000), places, [-np.inf, np.inf]])

@@ -47,12 +47,12 @@ material = {base_color = {procedure = "checker", space = "uv", scale = 8}}
 """
 
 
-def name_of(page: Path) -> str:
+def name_of(page):
     return page.relative_to(ROOT).as_posix()
 
 
 @pytest.fixture(scope="session")
-def world(tmp_path_factory) -> Path:
+def world(tmp_path_factory):
     """Files that pages take for granted: a scan, low-poly meshes, images, scenes."""
     folder = tmp_path_factory.mktemp("docs")
     high = texbake.make("torus", resolution=(120, 60))
@@ -96,13 +96,13 @@ def world(tmp_path_factory) -> Path:
     return folder
 
 
-def first_toml(page: Path) -> str:
+def first_toml(page):
     found = re.search(r"^```toml\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL)
     assert found is not None
     return found[1]
 
 
-def smaller(words: list[str]) -> list[str]:
+def smaller(words):
     """Return a command line with sizes of at most LONGEST_SIDE, and one task of a study."""
     line = list(words)
     for i, word in enumerate(line[:-1]):
@@ -129,14 +129,14 @@ def smaller(words: list[str]) -> list[str]:
     return line
 
 
-def kind_of(words: list[str]) -> tuple[str, ...]:
+def kind_of(words):
     """A command line without its numbers and names of files; of measurements, the command."""
     if words[0] in MEASURES:
         return (words[0],)
     return tuple("" if re.search(r"[\d./]", word) else word for word in words)
 
 
-def needed_by(later: list[list[str]], words: list[str]) -> bool:
+def needed_by(later, words):
     """Whether a later line names an output of this line."""
     outputs = [words[i + 1] for i, word in enumerate(words[:-1]) if word == "-o"]
     return any(word.startswith(tuple(outputs or [words[0]])) for line in later for word in line)
@@ -175,7 +175,7 @@ def test_every_command_runs(page, world, tmp_path, monkeypatch, small_pictures):
 LINK = re.compile(r"!?\[[^]]*\]\(([^)#\s]*)(#[^)\s]*)?\)")
 
 
-def anchors_of(page: Path) -> set[str]:
+def anchors_of(page):
     """Anchors of a page's headings, as MkDocs and GitHub make them."""
     headings = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.MULTILINE)
     plain = (re.sub(r"[^\w\s-]", "", heading.lower()).strip() for heading in headings)

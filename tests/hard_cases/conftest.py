@@ -6,18 +6,17 @@ cases themselves are plain modules in `catalog/`, which `table.py` reads as well
 """
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from texbake import Mesh, TexbakeError
+from texbake import TexbakeError
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
 
-from catalog.case import Case, only, pairwise  # noqa: E402
+from catalog.case import only, pairwise  # noqa: E402
 from catalog.geometry import GEOMETRY  # noqa: E402
 from catalog.images import IMAGES  # noqa: E402
 from catalog.mappings import MAPPINGS  # noqa: E402
@@ -43,7 +42,7 @@ CASES: dict[str, tuple[Any, ...]] = {
 }
 
 
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+def pytest_generate_tests(metafunc):
     for fixture, cases in CASES.items():
         if fixture in metafunc.fixturenames:
             mark = metafunc.definition.get_closest_marker("pairwise")
@@ -54,10 +53,10 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture(scope="session")
-def attempt() -> Callable[..., Any]:
+def attempt():
     """Run a stage on a case: its result, or None where the case lists it as refused."""
 
-    def attempt(case: Case[Any], stage: str, function: Callable[[], Any]) -> Any:
+    def attempt(case, stage, function):
         reason = case.refused.get(stage)
         if reason is None:
             return function()
@@ -71,12 +70,12 @@ def attempt() -> Callable[..., Any]:
 
 
 @pytest.fixture(scope="session")
-def in_cells() -> Callable[[Case[Mesh]], Mesh]:
+def in_cells():
     """Give a mesh without coordinates a cell of the texture for each face, without any unwrap."""
     return cells_of
 
 
 @pytest.fixture(scope="session")
-def case_named() -> Callable[[str], Case[Any]]:
+def case_named():
     """Find one mesh, pair or mapping of the catalog by its name."""
     return {case.name: case for case in (*PAIRS, *MAPPINGS, *MESHES)}.__getitem__

@@ -4,12 +4,10 @@ Each command meets each change on another mesh, and those on which it has failed
 """
 
 import itertools
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-from catalog.case import Case
 from catalog.geometry import GEOMETRY
 from catalog.texture_space import TEXTURE_SPACE, in_cells
 from invariance import (
@@ -22,7 +20,6 @@ from invariance import (
     POINT,
     SCALE,
     TURN,
-    Change,
     Quantity,
     Result,
     changed,
@@ -33,7 +30,6 @@ from invariance import (
 from results_of_commands import PLAIN, TEXTURED
 
 import texbake
-from texbake import Mesh
 from texbake.jobs.options import LightenOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.whole_jobs import lighten_file
@@ -117,7 +113,7 @@ ONCE_FAILED = (
 )
 
 
-def chosen(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
+def chosen(command):
     """Another mesh for each change, and others for each command; for quick ones, every mesh."""
     start = 5 * list(COMMANDS).index(command)
     for index, change in enumerate(CHANGES):
@@ -127,7 +123,7 @@ def chosen(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
             yield MESHES[(start + 7 * index) % len(MESHES)], change
 
 
-def once_failed(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
+def once_failed(command):
     """The meshes and changes of a command that have failed."""
     cases = {case.name: case for case in MESHES}
     for name, mesh, kind in ONCE_FAILED:
@@ -135,7 +131,7 @@ def once_failed(command: str) -> Iterator[tuple[Case[Mesh], Change]]:
             yield from ((cases[mesh], change) for change in CHANGES if change.kind == kind)
 
 
-def is_decided(command: str, change: Change, mesh: str) -> bool:
+def is_decided(command, change, mesh):
     return not any(
         change.kind in item.kinds and mesh in item.meshes and command.startswith(item.commands)
         for item in UNDECIDED

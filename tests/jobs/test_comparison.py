@@ -18,7 +18,7 @@ from texbake.jobs.comparison import (
 BARE = {"mean_deg": 5.0, "psnr_db": 30.0, "outline_mismatch": 0.02, "depth_mismatch": 0.1}
 
 
-def warnings_for(bare: dict, **changes: float) -> list[str]:
+def warnings_for(bare, **changes):
     mesh = Mesh(positions=np.eye(3), faces=np.array([[0, 1, 2]]))
     same = compare(mesh, mesh, options=RenderOptions(width=16, height=16))
     assert comparison_warnings(same) == []
@@ -37,7 +37,7 @@ def warnings_for(bare: dict, **changes: float) -> list[str]:
         {"outline_mismatch": 0.02 + VISIBLE_OUTLINE / 2},
     ],
 )
-def test_no_warning_where_nobody_sees_a_difference(changes: dict[str, float]) -> None:
+def test_no_warning_where_nobody_sees_a_difference(changes):
     assert warnings_for(BARE, **changes) == []
 
 
@@ -51,14 +51,14 @@ def test_no_warning_where_nobody_sees_a_difference(changes: dict[str, float]) ->
         ({"mean_deg": 9.0, "psnr_db": 9.0}, "normals off by 9.00° and not 5.00°, PSNR 9.0 dB"),
     ],
 )
-def test_what_is_worse_is_named(changes: dict[str, float], words: str) -> None:
+def test_what_is_worse_is_named(changes, words):
     (line,) = warnings_for(BARE, **changes)
     assert line.startswith("with its normal map the asset is ")
     assert "further from the high-poly mesh than without maps: " + words in line
 
 
 @pytest.mark.parametrize(("decibels", "n"), [(SAME_DB + 1.0, 0), (SAME_DB - 1.0, 1)])
-def test_equal_pictures_stay_equal_where_the_rest_is_rounding(decibels: float, n: int) -> None:
+def test_equal_pictures_stay_equal_where_the_rest_is_rounding(decibels, n):
     lines = warnings_for({**BARE, "psnr_db": math.inf}, psnr_db=decibels)
     assert len(lines) == n
     assert all("and not infinite" in line for line in lines)

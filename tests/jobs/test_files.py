@@ -23,7 +23,7 @@ OPTIONS = BakeOptions(maps=("normal", "displacement"), size=32, padding=1, sampl
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path, monkeypatch):
     """A folder with a mesh that has texture coordinates and one that has none."""
     monkeypatch.chdir(tmp_path)
     texbake.write_mesh(uv_sphere(8, 16), "ball.obj")
@@ -31,7 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
+def test_a_bake_of_files_is_a_bake_of_their_meshes(folder):
     done = bake_files("ball.obj", "ball.obj", "maps", OPTIONS)
     assert done.files == (Path("maps/normal.png"), Path("maps/displacement.png"))
     assert all(path.is_file() for path in done.files)
@@ -42,7 +42,7 @@ def test_a_bake_of_files_is_a_bake_of_their_meshes(folder: Path) -> None:
     assert [stage.name for stage in done.report.stages][:1] == ["read meshes"]
 
 
-def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) -> None:
+def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder):
     done = bake_files("ball.obj", "ball.obj", {"normal": "n.tga"}, OPTIONS, BakeFiles(hits="h.npz"))
     assert set(done.maps) == {"normal"} and done.files == (Path("n.tga"), Path("h.npz"))
     again = remap_files("h.npz", "again", format="tga")
@@ -50,7 +50,7 @@ def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder: Path) 
     assert again.files == (Path("again/normal.tga"),)
 
 
-def test_meshes_one_after_another(folder: Path) -> None:
+def test_meshes_one_after_another(folder):
     low = simplify_file("bare.ply", "low.obj", SIXTY, report="low.json")
     assert low.report.n_faces <= 60 and low.files == (Path("low.obj"), Path("low.json"))
     fine, coarse = simplify_levels("bare.ply", [(100, "a.obj"), (60, "b.obj")])
@@ -63,7 +63,7 @@ def test_meshes_one_after_another(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["mapped.stl", "mapped.OFF"])
-def test_a_file_without_room_for_coordinates_is_refused(folder: Path, name: str) -> None:
+def test_a_file_without_room_for_coordinates_is_refused(folder, name):
     with pytest.raises(FileFormatError, match=f"{name}: .* hold no texture coordinates"):
         unwrap_files("no such file.ply", name)  # before anything is read
     with pytest.raises(FileFormatError, match="hold no texture coordinates"):
@@ -72,28 +72,28 @@ def test_a_file_without_room_for_coordinates_is_refused(folder: Path, name: str)
 
 
 @pytest.mark.parametrize("radius", [1e-320, 1e308])
-def test_a_shape_that_cannot_be_measured_is_not_written(folder: Path, radius: float) -> None:
+def test_a_shape_that_cannot_be_measured_is_not_written(folder, radius):
     output = folder / "ball.ply"
     with pytest.raises(MeshError, match="its areas cannot be computed; scale it first"):
         make_file("sphere", output, texbake.MakeOptions(radius=radius))
     assert not output.exists()
 
 
-def test_a_report_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_a_report_comes_back_as_it_was(tmp_path):
     report = {"a": [1, 2.5, None], "b": {"c": True, "d": "é"}, "e": (1, 2)}
     write_report(tmp_path / "r.json", {**report, "f": Path("g/h.png")})
     read = json.loads((tmp_path / "r.json").read_text("utf-8"))
     assert read == {**report, "e": [1, 2], "f": "g/h.png"}
 
 
-def test_numbers_that_json_lacks_are_null(tmp_path: Path) -> None:
+def test_numbers_that_json_lacks_are_null(tmp_path):
     write_report(tmp_path / "r.json", {"psnr": math.inf, "deep": [{"mean": math.nan}]})
     text = (tmp_path / "r.json").read_text()
     assert json.loads(text) == {"psnr": None, "deep": [{"mean": None}]}
     assert "NaN" not in text
 
 
-def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path: Path) -> None:
+def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path):
     path = tmp_path / "r.json"
     path.write_text("earlier")
     with pytest.raises(TypeError):

@@ -1,7 +1,5 @@
 """One image in place of the materials of a high-poly mesh: for one map, and of its kind."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -16,7 +14,7 @@ from texbake.verbs.step import Job, find_step
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path):
     write_mesh(plane(4, 4), tmp_path / "high.obj")
     write_mesh(plane(), tmp_path / "low.obj")
     write_image(np.full((4, 4, 3), 0.5), tmp_path / "gray.png", bits=8)
@@ -24,7 +22,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def bake_with(folder: Path, image: str, *maps: str) -> Path:
+def bake_with(folder, image, *maps):
     options = BakeOptions(maps=maps, size=8, front=0.1, back=0.1)
     bake_files(
         folder / "high.obj", folder / "low.obj", folder / "maps", options,
@@ -33,7 +31,7 @@ def bake_with(folder: Path, image: str, *maps: str) -> Path:
     return folder / "maps"
 
 
-def test_an_image_without_a_map_that_takes_it(folder: Path) -> None:
+def test_an_image_without_a_map_that_takes_it(folder):
     with pytest.raises(OptionError, match=r"high_texture, maps: gray\.png is for a map of the mat"):
         bake_with(folder, "gray.png", "normal")
     with pytest.raises(OptionError, match="high_texture, maps"):
@@ -45,7 +43,7 @@ def test_an_image_without_a_map_that_takes_it(folder: Path) -> None:
     assert not (folder / "maps").exists()
 
 
-def test_a_map_of_one_number_takes_a_gray_image(folder: Path) -> None:
+def test_a_map_of_one_number_takes_a_gray_image(folder):
     with pytest.raises(OptionError, match=r"colored\.png: roughness is one number per texel"):
         bake_with(folder, "colored.png", "roughness")
     bake_with(folder, "colored.png", "base-color")
@@ -57,9 +55,7 @@ def test_a_map_of_one_number_takes_a_gray_image(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("maps", "has_image"), [(("base-color",), True), (("normal", "ao"), False)]
 )
-def test_a_step_with_little_memory_reads_whole_what_must_be_whole(
-    folder: Path, maps: tuple[str, ...], has_image: bool
-) -> None:
+def test_a_step_with_little_memory_reads_whole_what_must_be_whole(folder, maps, has_image):
     write_mesh(plane(200, 200), folder / "high.ply")
     inputs = {"high": (folder / "high.ply",), "low": (folder / "low.obj",)}
     if has_image:

@@ -8,7 +8,7 @@ import pytest
 
 from texbake.baking.options import BakeOptions
 from texbake.errors import OptionError, UvError
-from texbake.jobs.light_maps import LightMap, bake_light_maps
+from texbake.jobs.light_maps import bake_light_maps
 from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.options import RenderOptions
@@ -43,23 +43,21 @@ BALL = SceneObject(
 SHADOW = Shadow(size=1024, filter_radius=0.5)
 
 
-def baked(
-    *objects: SceneObject, lights: tuple[Light, ...] = (), **more: object
-) -> tuple[LightMap, ...]:
+def baked(*objects, lights=(), **more):
     ambient = more.pop("ambient", Ambient())
     scene = Scene(objects=objects, lighting=Lighting(lights=lights, ambient=ambient))  # type: ignore[arg-type]
     options = {"size": SIZE, "padding": 2} | more
     return bake_light_maps(scene, BakeOptions(**options)).maps  # type: ignore[arg-type]
 
 
-def floor_points(size: int = SIZE) -> np.ndarray:
+def floor_points(size=SIZE):
     """(H, W, 3): centers of the floor's texels."""
     along = (np.arange(size) + 0.5) / size * 6.0 - 3.0
     x, z = np.meshgrid(along, along)
     return np.stack([x, np.zeros_like(x), z], axis=-1)
 
 
-def test_a_point_light_falls_off_as_the_square_of_its_distance() -> None:
+def test_a_point_light_falls_off_as_the_square_of_its_distance():
     position = np.array([0.5, 2.0, -1.0])
     lamp = Light(kind="point", position=tuple(position), color=(1.0, 0.5, 0.25), intensity=3.0)
     (map_,) = baked(FLOOR, lights=(lamp,))
@@ -73,7 +71,7 @@ def test_a_point_light_falls_off_as_the_square_of_its_distance() -> None:
     )
 
 
-def test_a_shadow_is_exactly_where_rays_are_blocked() -> None:
+def test_a_shadow_is_exactly_where_rays_are_blocked():
     lamp = Light(kind="point", position=(1.0, 4.0, 0.5), decay=0.0, shadow=SHADOW)
     lit = baked(FLOOR, BALL, lights=(replace(lamp, shadow=None),))[0].values[..., 0]
     found = baked(FLOOR, BALL, lights=(lamp,))[0].values[..., 0] / lit
@@ -87,7 +85,7 @@ def test_a_shadow_is_exactly_where_rays_are_blocked() -> None:
     assert (found == 0.0).sum() > 500
 
 
-def test_more_samples_give_the_share_of_a_texel_that_is_lit() -> None:
+def test_more_samples_give_the_share_of_a_texel_that_is_lit():
     # A wall's shadow ends, at the foot of the sun's slope, in the middle of a column of texels.
     column = 42
     top = 3.0 - 6.0 * (column + 0.5) / SIZE
@@ -105,7 +103,7 @@ def test_more_samples_give_the_share_of_a_texel_that_is_lit() -> None:
     np.testing.assert_allclose(found[:, :column], 1.0, rtol=1e-6)
 
 
-def test_ambient_light_is_that_of_the_side_a_normal_points_to() -> None:
+def test_ambient_light_is_that_of_the_side_a_normal_points_to():
     ambient = Ambient(color=(0.3, 0.4, 0.5), ground=(0.1, 0.0, 0.2))
     floor, ball = baked(FLOOR, BALL, ambient=ambient)
     sky = np.broadcast_to((0.3, 0.4, 0.5), floor.values.shape)
@@ -128,7 +126,7 @@ LAMPS = {
 
 
 @pytest.mark.parametrize("kind", LAMPS)
-def test_a_picture_with_maps_is_that_with_lamps(kind: str) -> None:
+def test_a_picture_with_maps_is_that_with_lamps(kind):
     ambient = Ambient(color=(0.1, 0.12, 0.15), ground=(0.05, 0.04, 0.03))
     scene = Scene(
         objects=(FLOOR, BALL),
@@ -150,7 +148,7 @@ def test_a_picture_with_maps_is_that_with_lamps(kind: str) -> None:
     assert (apart > 1e-2).mean() < 0.03
 
 
-def test_a_cookie_is_baked_with_its_spot() -> None:
+def test_a_cookie_is_baked_with_its_spot():
     cookie = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32)
     spot = Light(
         kind="spot", position=(0, 4, 0), direction=(0, -1, 0), up=(0, 0, -1), angle=50.0,
@@ -167,7 +165,7 @@ def test_a_cookie_is_baked_with_its_spot() -> None:
     np.testing.assert_allclose(found.values[plain], (white.values * colors)[plain], rtol=1e-6)
 
 
-def test_only_static_lights_are_baked_and_removed() -> None:
+def test_only_static_lights_are_baked_and_removed():
     moving = Light(direction=(0, -1, 0), static=False)
     hung = Light(direction=(0, 0, -1), follows_camera=True)
     scene = Scene(objects=(FLOOR,), lighting=Lighting(lights=(moving, hung)))
@@ -180,11 +178,11 @@ def test_only_static_lights_are_baked_and_removed() -> None:
     assert maps.shown_in(scene).lighting.lights == (moving, hung)
 
 
-def test_objects_cast_and_receive_shadows_as_in_pictures() -> None:
+def test_objects_cast_and_receive_shadows_as_in_pictures():
     sun = Light(direction=(0.0, -1.0, 0.0), shadow=SHADOW)
     below = np.hypot(*(floor_points() - CENTER)[..., [0, 2]].T) < 0.9 * RADIUS
 
-    def light(floor: SceneObject, ball: SceneObject, lamp: Light) -> np.ndarray:
+    def light(floor, ball, lamp):
         return baked(floor, ball, lights=(lamp,))[0].values[..., 0].T[below]
 
     assert (light(FLOOR, BALL, sun) == 0.0).all()
@@ -196,7 +194,7 @@ def test_objects_cast_and_receive_shadows_as_in_pictures() -> None:
 
 @pytest.mark.parametrize("elevation", [90.0, 20.0, 1.0])
 @pytest.mark.parametrize("scale", [1e-5, 1.0, 1e5])
-def test_a_lit_plane_has_no_speck(elevation: float, scale: float) -> None:
+def test_a_lit_plane_has_no_speck(elevation, scale):
     up = math.radians(elevation)
     sun = Light(direction=(0.8 * math.cos(up), -math.sin(up), 0.6), shadow=SHADOW)
     matrix = transform_matrix(scale=scale, rotate=(20, 0, 30)) @ FLOOR.transform
@@ -207,14 +205,14 @@ def test_a_lit_plane_has_no_speck(elevation: float, scale: float) -> None:
     assert map_.values.min() > 0.99 * map_.values.max() > 0.0
 
 
-def test_threads_change_no_byte() -> None:
+def test_threads_change_no_byte():
     lamps = tuple(LAMPS.values())
     one, more = (baked(FLOOR, BALL, lights=lamps, samples=4, threads=threads) for threads in (1, 3))
     for a, b in zip(one, more, strict=True):
         assert a.values.tobytes() == b.values.tobytes()
 
 
-def test_padding_extends_charts_and_the_background_is_black() -> None:
+def test_padding_extends_charts_and_the_background_is_black():
     mesh = plane()
     assert mesh.uvs is not None
     item = replace(FLOOR, mesh=mesh.replace(uvs=0.25 + 0.5 * mesh.uvs))
@@ -225,7 +223,7 @@ def test_padding_extends_charts_and_the_background_is_black() -> None:
     assert (map_.values[31:97, 32:96] == 1.0).all() and (map_.values[:29] == 0.0).all()
 
 
-def test_objects_without_coordinates_are_reported() -> None:
+def test_objects_without_coordinates_are_reported():
     bare = SceneObject(mesh=Mesh(positions=BALL.mesh.positions, faces=BALL.mesh.faces), name="bare")
     scene = Scene(objects=(FLOOR, bare), lighting=Lighting(lights=(Light(),)), name="room.toml")
     maps = bake_light_maps(scene, BakeOptions(size=8))
@@ -239,7 +237,7 @@ def test_objects_without_coordinates_are_reported() -> None:
         bake_light_maps(replace(scene, objects=(bare,)))
 
 
-def test_overlaps_and_tiles_are_reported() -> None:
+def test_overlaps_and_tiles_are_reported():
     mesh = plane(2, 1)
     assert mesh.uvs is not None
     folded = mesh.replace(uvs=np.abs(mesh.uvs * [2.0, 1.0] - [1.0, 0.0]))
@@ -256,7 +254,7 @@ def test_overlaps_and_tiles_are_reported() -> None:
     assert "its light maps are black; add ambient light" in warnings[0]
 
 
-def test_files_hold_light_beyond_1_or_end_there(tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_files_hold_light_beyond_1_or_end_there(tmp_path):  # type: ignore[no-untyped-def]
     (map_,) = baked(FLOOR, lights=(Light(direction=(0, -1, 0), intensity=2.5),), size=8)
     map_.write(tmp_path / "light.exr")
     map_.write(tmp_path / "light.png")
@@ -264,11 +262,11 @@ def test_files_hold_light_beyond_1_or_end_there(tmp_path) -> None:  # type: igno
     assert (read_image(tmp_path / "light.png", color=True).pixels == 1.0).all()
 
 
-def test_a_further_set_is_baked_as_if_it_were_the_only_one() -> None:
+def test_a_further_set_is_baked_as_if_it_were_the_only_one():
     lighting = Lighting(lights=(Light(kind="point", position=(0.4, 0.3, 0.5)),))
     options = BakeOptions(size=32, samples=4)
 
-    def scene(*meshes: Mesh) -> Scene:
+    def scene(*meshes):
         material = Material(shading="lambert")
         objects = tuple(SceneObject(mesh=mesh, material=material, name="floor") for mesh in meshes)
         return Scene(objects=objects, lighting=lighting)

@@ -16,7 +16,7 @@ from texbake.verbs.simplify import simplify_file
 
 
 @pytest.fixture
-def mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> texbake.Mesh:
+def mesh(tmp_path, monkeypatch):
     """Menger's sponge of 81 tunnels, also as a file; at 200 triangles, 2 for each are left."""
     monkeypatch.chdir(tmp_path)
     made = sponge(2).replace(name="sponge.ply")
@@ -24,7 +24,7 @@ def mesh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> texbake.Mesh:
     return made
 
 
-def test_simplify_stops_where_the_topology_needs_more(mesh: texbake.Mesh) -> None:
+def test_simplify_stops_where_the_topology_needs_more(mesh):
     with pytest.raises(
         MeshError,
         match=r"200 triangles cannot be reached, because .* need [3-9]\d\d; request more",
@@ -33,7 +33,7 @@ def test_simplify_stops_where_the_topology_needs_more(mesh: texbake.Mesh) -> Non
     assert not Path("low.ply").exists()
 
 
-def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
+def test_simplify_gives_the_topology_up_if_asked_to(mesh):
     done = simplify_file(
         "sponge.ply", "low.ply", texbake.SimplifyOptions(n_faces=200, topology="simplify")
     )
@@ -46,7 +46,7 @@ def test_simplify_gives_the_topology_up_if_asked_to(mesh: texbake.Mesh) -> None:
     assert done.report.distance.rms == pytest.approx(surface_distance(mesh, low).rms, rel=0.01)
 
 
-def test_no_way_out_is_named_that_was_taken(tmp_path: Path) -> None:
+def test_no_way_out_is_named_that_was_taken(tmp_path):
     torus = texbake.make("torus", resolution=(24, 12)).replace(name="torus.ply")
     texbake.write_mesh(torus, tmp_path / "torus.ply")
     options = texbake.SimplifyOptions(n_faces=12, topology="simplify")
@@ -56,7 +56,7 @@ def test_no_way_out_is_named_that_was_taken(tmp_path: Path) -> None:
         texbake.run(torus, tmp_path / "asset", RunOptions(n_faces=12, size=64))
 
 
-def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh: texbake.Mesh) -> None:
+def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh):
     size = mesh.positions.max(axis=0) - mesh.positions.min(axis=0)
     colors = (mesh.positions - mesh.positions.min(axis=0)) / size
     right = (colors[mesh.faces].mean(axis=1)[:, 0] > 0.5).astype("int32")
@@ -70,14 +70,14 @@ def test_colors_and_groups_stay_where_the_topology_is_given_up(mesh: texbake.Mes
     assert abs(low.colors - expected).mean() < 0.05
 
 
-def test_seams_cannot_be_kept_where_the_topology_is_given_up(mesh: texbake.Mesh) -> None:
+def test_seams_cannot_be_kept_where_the_topology_is_given_up(mesh):
     options = texbake.SimplifyOptions(n_faces=200, topology="simplify", seams="keep")
     with pytest.raises(OptionError, match=r"topology, seams: .* leave one of them out"):
         simplify_file("sponge.ply", "low.ply", options)
 
 
 @pytest.mark.parametrize("n_faces", [200, 3_000])
-def test_run_reaches_the_count(mesh: texbake.Mesh, n_faces: int) -> None:
+def test_run_reaches_the_count(mesh, n_faces):
     options = RunOptions(n_faces=n_faces, size=128, compare="off")
     result = texbake.run(mesh, "asset", options)
     assert result.low.n_faces <= n_faces
@@ -92,7 +92,7 @@ def test_run_reaches_the_count(mesh: texbake.Mesh, n_faces: int) -> None:
     assert result.simplified.distance.rms == pytest.approx(apart.rms, rel=0.05)
 
 
-def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path: Path) -> None:
+def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path):
     options = RunOptions(n_faces=400, size=128, samples=1, compare="full")
     result = texbake.run(bone(), tmp_path, options)
     assert handles(result.high) > 60
@@ -105,13 +105,13 @@ def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path: Path) -> None:
     assert not any("further from" in note for note in result.warnings)
 
 
-def test_rays_reach_as_far_as_few_faces_lie_from_the_mesh(tmp_path: Path) -> None:
+def test_rays_reach_as_far_as_few_faces_lie_from_the_mesh(tmp_path):
     options = RunOptions(n_faces=40, size=128, samples=1, compare="off")
     baked = texbake.run(texbake.make("torus"), tmp_path, options).baked.report
     assert baked.texels_missed < 0.03 * baked.texels_covered
 
 
-def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None:
+def test_run_stops_where_the_count_cannot_be_reached(mesh):
     options = RunOptions(n_faces=200, remesh="never", size=128)
     with pytest.raises(MeshError, match=r"sponge\.ply: 200 triangles cannot .* `remesh` always"):
         texbake.run(mesh, "asset", options)
@@ -119,7 +119,7 @@ def test_run_stops_where_the_count_cannot_be_reached(mesh: texbake.Mesh) -> None
 
 
 @pytest.mark.parametrize("name", real("broken/VH_M_Heart.glb", "broken/cycloidal.ply"))
-def test_what_would_be_torn_is_wrapped(name: str) -> None:
+def test_what_would_be_torn_is_wrapped(name):
     n_faces = 500 if "Heart" in name else 5_000
     rule = LowNormals("auto", 60.0)
     low = LowPolyMaker(high=model(name), n_faces=n_faces, quality="fast", rule=rule).make("auto")
@@ -129,7 +129,7 @@ def test_what_would_be_torn_is_wrapped(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", real("broken/VH_M_Prostate.glb"))
-def test_parts_that_were_dropped_make_no_spikes(name: str, tmp_path: Path) -> None:
+def test_parts_that_were_dropped_make_no_spikes(name, tmp_path):
     """Thin ducts are dropped, up to 31 % of the diagonal away from all that is left."""
     options = RunOptions(n_faces=500, size=256, samples=1, compare="full")
     result = texbake.run(model(name), tmp_path, options)
@@ -142,14 +142,14 @@ def test_parts_that_were_dropped_make_no_spikes(name: str, tmp_path: Path) -> No
     assert compared.displaced.outline_mismatch < 0.5 * compared.bare.outline_mismatch
 
 
-def test_an_error_decides_alone_how_many_triangles_are_left(mesh: texbake.Mesh) -> None:
+def test_an_error_decides_alone_how_many_triangles_are_left(mesh):
     options = RunOptions(n_faces=200, error="0.1%", size=256, compare="off")
     result = texbake.run(mesh, "asset", options)
     assert result.low.n_faces > 202
     assert result.why_closed == () and result.simplified.distance.max_relative <= 0.001
 
 
-def test_a_default_number_of_triangles_need_not_be_reached(mesh: texbake.Mesh) -> None:
+def test_a_default_number_of_triangles_need_not_be_reached(mesh):
     rule = LowNormals("smooth", 60.0)
     maker = LowPolyMaker(high=mesh, n_faces=200, quality="fast", rule=rule, threads=1)
     made = maker.make("never", must_reach=False)

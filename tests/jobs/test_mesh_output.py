@@ -1,7 +1,6 @@
 """Meshes made from a mesh file keep its materials: GLB files whole, OBJ files what .mtl has."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,20 +27,20 @@ from texbake.verbs.unwrap import unwrap_files
 CODES = np.random.default_rng(3).integers(0, 255, (4, 6, 8, 4), np.uint8)
 
 
-def materials_of(path: Path) -> Materials:
+def materials_of(path):
     found = read_materials(path, read_mesh(path))
     assert found is not None
     return found
 
 
-def codes_of(source: ChannelSource) -> np.ndarray:
+def codes_of(source):
     pixels, bits = image_codes(source.image, is_color=False)
     assert bits == 8
     return np.rint(255 * components_of(pixels, source.image.components)).astype(int)
 
 
 @pytest.fixture
-def painted(tmp_path: Path) -> Path:
+def painted(tmp_path):
     """An OBJ file with two materials and an image for each channel, one of them a TGA file."""
     mesh = uv_sphere(4, 6)
     write_mesh(mesh, tmp_path / "bare.obj")
@@ -60,7 +59,7 @@ def painted(tmp_path: Path) -> Path:
     return tmp_path / "ball.obj"
 
 
-def test_obj_to_glb_and_back(painted: Path, tmp_path: Path) -> None:
+def test_obj_to_glb_and_back(painted, tmp_path):
     done = transform_file(painted, tmp_path / "ball.glb")
     assert done.warnings == ()
     wood, glow = materials_of(tmp_path / "ball.glb").materials
@@ -87,7 +86,7 @@ def test_obj_to_glb_and_back(painted: Path, tmp_path: Path) -> None:
     assert again == {path.name: path.read_bytes() for path in back.files}
 
 
-def test_what_mtl_cannot_say_is_said(tmp_path: Path) -> None:
+def test_what_mtl_cannot_say_is_said(tmp_path):
     write_image(CODES[0, ..., :3], tmp_path / "a.png")
     image = ChannelImage(data=(tmp_path / "a.png").read_bytes(), uv_set=1)
     mesh = uv_sphere(4, 6)
@@ -110,7 +109,7 @@ def test_what_mtl_cannot_say_is_said(tmp_path: Path) -> None:
     assert materials_of(tmp_path / "a.obj").materials[0].channels["emissive"].image is None
 
 
-def test_if_one_file_cannot_be_written_none_is(painted: Path, tmp_path: Path) -> None:
+def test_if_one_file_cannot_be_written_none_is(painted, tmp_path):
     transform_file(painted, tmp_path / "ball.glb")
     (tmp_path / "back.mtl").mkdir()
     before = sorted(tmp_path.rglob("*"))
@@ -119,9 +118,7 @@ def test_if_one_file_cannot_be_written_none_is(painted: Path, tmp_path: Path) ->
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_moved_and_repaired_meshes_keep_materials_with_their_faces(
-    painted: Path, tmp_path: Path
-) -> None:
+def test_moved_and_repaired_meshes_keep_materials_with_their_faces(painted, tmp_path):
     transform_file(painted, tmp_path / "ball.glb")
     transform_file(
         tmp_path / "ball.glb", tmp_path / "over.glb", TransformOptions(flip=True, scale=2)
@@ -139,7 +136,7 @@ def test_moved_and_repaired_meshes_keep_materials_with_their_faces(
     )
 
 
-def test_images_need_texture_coordinates(painted: Path, tmp_path: Path) -> None:
+def test_images_need_texture_coordinates(painted, tmp_path):
     done = repair_file(
         painted, tmp_path / "a.glb", RepairOptions(coordinates=False, degenerate=False)
     )
@@ -149,7 +146,7 @@ def test_images_need_texture_coordinates(painted: Path, tmp_path: Path) -> None:
     assert glow.channels["emissive"].factor == (2.0, 1.0, 0.0)
 
 
-def test_colors_of_vertices_are_kept_where_a_material_has_none(tmp_path: Path) -> None:
+def test_colors_of_vertices_are_kept_where_a_material_has_none(tmp_path):
     ball = uv_sphere(4, 6)
     mesh = Mesh(
         positions=ball.positions, faces=ball.faces, colors=np.full((ball.n_vertices, 3), 0.5)
@@ -164,13 +161,13 @@ def test_colors_of_vertices_are_kept_where_a_material_has_none(tmp_path: Path) -
         assert ("vertex colors" in "".join(done.warnings)) != has_colors
 
 
-def halves(mesh: Mesh) -> np.ndarray:
+def halves(mesh):
     """0 for the faces of the lower half of a mesh along y, 1 for the others."""
     return (mesh.positions[mesh.faces].mean(axis=1)[:, 1] > 0.0).astype(np.int32)
 
 
 @pytest.fixture
-def ball(tmp_path: Path) -> Path:
+def ball(tmp_path):
     """A sphere as GLB: its lower half has an image, the upper half a factor."""
     write_image(np.random.default_rng(1).random((4, 4, 3)), tmp_path / "image.png", bits=8)
     mesh = uv_sphere(48, 64)
@@ -184,7 +181,7 @@ def ball(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("quality", ["fast", "best"])
 @pytest.mark.parametrize("suffix", [".glb", ".obj"])
-def test_simplify_keeps_materials(ball: Path, tmp_path: Path, quality: str, suffix: str) -> None:
+def test_simplify_keeps_materials(ball, tmp_path, quality, suffix):
     done = simplify_file(
         ball, tmp_path / f"low{suffix}", SimplifyOptions(n_faces=600, quality=quality)
     )
@@ -201,7 +198,7 @@ def test_simplify_keeps_materials(ball: Path, tmp_path: Path, quality: str, suff
     assert len(done.files) == (1 if suffix == ".glb" else 3)
 
 
-def test_simplify_says_what_formats_cannot_hold(ball: Path, tmp_path: Path) -> None:
+def test_simplify_says_what_formats_cannot_hold(ball, tmp_path):
     levels = [(600, tmp_path / "low.ply"), (600, tmp_path / "low.stl")]
     ply, stl = simplify_levels(ball, levels)
     assert ply.warnings[-1] == f"{tmp_path / 'low.ply'}: written without materials"
@@ -211,7 +208,7 @@ def test_simplify_says_what_formats_cannot_hold(ball: Path, tmp_path: Path) -> N
     assert plain.warnings[-1].endswith("bare.obj: written without materials")
 
 
-def test_images_go_with_texture_coordinates(ball: Path, tmp_path: Path) -> None:
+def test_images_go_with_texture_coordinates(ball, tmp_path):
     done = simplify_file(ball, tmp_path / "low.glb", SimplifyOptions(n_faces=600, seams="drop"))
     assert done.warnings[-1].endswith("images, for which there are no texture coordinates")
     low, materials = read_mesh(tmp_path / "low.glb"), materials_of(tmp_path / "low.glb")
@@ -220,7 +217,7 @@ def test_images_go_with_texture_coordinates(ball: Path, tmp_path: Path) -> None:
     assert materials.names == ("wood", "iron")
 
 
-def test_groups_are_what_they_were(ball: Path) -> None:
+def test_groups_are_what_they_were(ball):
     mesh, materials = read_mesh(ball), materials_of(ball)
     groups = np.arange(mesh.n_faces, dtype=np.int32) % 3
     mesh = mesh.replace(face_groups=groups, group_names=("a", "b", "c"))
@@ -233,7 +230,7 @@ def test_groups_are_what_they_were(ball: Path) -> None:
     np.testing.assert_array_equal(of_back.materials.face_materials, materials.face_materials)
 
 
-def test_unwrap_names_the_command_that_carries_images_over(ball: Path, tmp_path: Path) -> None:
+def test_unwrap_names_the_command_that_carries_images_over(ball, tmp_path):
     done = unwrap_files(ball, tmp_path / "new.glb")
     (line,) = done.warnings
     assert "written without the images of" in line
@@ -244,7 +241,7 @@ def test_unwrap_names_the_command_that_carries_images_over(ball: Path, tmp_path:
     assert materials.materials[1].channels["metallic"].factor == (0.75,)
 
 
-def test_unwrap_does_not_write_over_the_mtl_file_of_images(ball: Path, tmp_path: Path) -> None:
+def test_unwrap_does_not_write_over_the_mtl_file_of_images(ball, tmp_path):
     simplify_file(ball, tmp_path / "low.obj", SimplifyOptions(n_faces=600))
     before = (tmp_path / "low.mtl").read_bytes()
     done = unwrap_files(tmp_path / "low.obj", tmp_path / "low.obj")

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,6 @@ from texbake import (
 )
 from texbake.errors import UvError
 from texbake.jobs.export.export import share_elsewhere
-from texbake.jobs.run import RunResult
 from texbake.jobs.run_files import write_mask_map
 from texbake.mapping.options import fitting_padding
 from texbake.mesh.compose import turned_over
@@ -51,7 +49,7 @@ QUICK = replace(OPTIONS, size=64, compare="off")
 
 
 @pytest.fixture(scope="module")
-def high() -> Mesh:
+def high():
     """A ball of 20,480 triangles with waves all over."""
     ball = icosphere(5)
     waves = np.sin(9.0 * ball.positions).prod(axis=1, keepdims=True)
@@ -59,17 +57,17 @@ def high() -> Mesh:
 
 
 @pytest.fixture(scope="module")
-def result(high: Mesh, tmp_path_factory: pytest.TempPathFactory) -> RunResult:
+def result(high, tmp_path_factory):
     return run(high, tmp_path_factory.mktemp("run") / "made" / "for it", OPTIONS)
 
 
-def test_every_file_is_there_and_nothing_else(result: RunResult) -> None:
+def test_every_file_is_there_and_nothing_else(result):
     folder = result.files["mesh"].parent
     assert {path.name for path in folder.iterdir()} == FILES
     assert set(result.files.values()) == {folder / name for name in FILES}
 
 
-def test_the_low_poly_mesh_has_few_faces_and_an_atlas_with_padding(result: RunResult) -> None:
+def test_the_low_poly_mesh_has_few_faces_and_an_atlas_with_padding(result):
     low = read_mesh(result.files["mesh"])
     assert low.n_faces <= OPTIONS.n_faces
     assert result.unwrapped.distortion.n_overlapping == 0
@@ -78,7 +76,7 @@ def test_the_low_poly_mesh_has_few_faces_and_an_atlas_with_padding(result: RunRe
     assert result.baked.report.texels_missed == 0
 
 
-def test_maps_bring_the_high_poly_mesh_back(result: RunResult) -> None:
+def test_maps_bring_the_high_poly_mesh_back(result):
     comparison = result.comparison
     assert comparison is not None and comparison.displaced is not None
     bare, mapped, displaced = comparison.bare, comparison.mapped, comparison.displaced
@@ -88,7 +86,7 @@ def test_maps_bring_the_high_poly_mesh_back(result: RunResult) -> None:
     assert displaced.outline_mismatch < mapped.outline_mismatch
 
 
-def test_the_map_in_the_glb_is_opengl(result: RunResult, tmp_path: Path) -> None:
+def test_the_map_in_the_glb_is_opengl(result, tmp_path):
     document, binary = read_glb(result.files["glb"])
     (image,) = document["images"]
     view = document["bufferViews"][image["bufferView"]]
@@ -103,7 +101,7 @@ def test_the_map_in_the_glb_is_opengl(result: RunResult, tmp_path: Path) -> None
     assert np.abs(opengl[..., [0, 2]] - directx[..., [0, 2]]).max() <= tolerance
 
 
-def test_the_report_agrees_with_the_result(result: RunResult) -> None:
+def test_the_report_agrees_with_the_result(result):
     report = json.loads(result.files["report"].read_text())
     assert report["compare"]["mapped"]["mean_deg"] == result.comparison.mapped.mean_deg
     assert report["bake"]["texels_covered"] == result.baked.report.texels_covered
@@ -118,7 +116,7 @@ def test_the_report_agrees_with_the_result(result: RunResult) -> None:
     assert all(stage["peak_memory_bytes"] > 0 for stage in report["stages"])
 
 
-def test_the_table_is_for_a_person(result: RunResult) -> None:
+def test_the_table_is_for_a_person(result):
     rows = dict(result.table())
     compared = list(rows)[list(rows).index("Compared with the high-poly mesh") + 1 :][:4]
     # The first row is for what the GLB file shows.
@@ -130,9 +128,7 @@ def test_the_table_is_for_a_person(result: RunResult) -> None:
 
 
 @pytest.mark.parametrize("compare", ["off", "quick"])
-def test_the_comparison_can_be_short_or_left_out(
-    high: Mesh, result: RunResult, tmp_path: Path, compare: str
-) -> None:
+def test_the_comparison_can_be_short_or_left_out(high, result, tmp_path, compare):
     made = run(high, tmp_path, replace(OPTIONS, compare=compare))
     pictures = {"ball_preview.png", "ball_compare.png"}
     expected = FILES - (pictures if compare == "off" else set())
@@ -150,13 +146,11 @@ def test_the_comparison_can_be_short_or_left_out(
         assert "SSIM" not in rows["  with its normal map"]
 
 
-def test_a_failed_stage_keeps_all_earlier_files(
-    high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_failed_stage_keeps_all_earlier_files(high, tmp_path, monkeypatch):
     for name in FILES:
         (tmp_path / name).write_text("earlier")
 
-    def fail(*args: object, **options: object) -> None:
+    def fail(*args, **options):
         raise TexbakeError("ball.ply: it cannot be baked")
 
     monkeypatch.setattr(run_module, "bake_objects", fail)
@@ -167,9 +161,7 @@ def test_a_failed_stage_keeps_all_earlier_files(
     assert {path.name for path in tmp_path.iterdir()} == FILES
 
 
-def test_an_impossible_folder_is_refused_before_the_work(
-    high: Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_impossible_folder_is_refused_before_the_work(high, tmp_path, monkeypatch):
     monkeypatch.setattr(run_module, "LowPolyMaker", None)  # must not be reached
     (tmp_path / "file").touch()
     with pytest.raises(FileError, match="file/folder: the folder cannot be made"):
@@ -179,9 +171,7 @@ def test_an_impossible_folder_is_refused_before_the_work(
         run(high, tmp_path)
 
 
-def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(
-    high: Mesh, tmp_path: Path
-) -> None:
+def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(high, tmp_path):
     inwards = turned_over(high, np.ones(high.n_faces, dtype=bool))
     result = run(inwards, tmp_path, QUICK)
     assert result.warnings[0].startswith("ball.ply: flipped 20,480 triangles")
@@ -195,9 +185,7 @@ def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(
     np.testing.assert_array_equal(kept.high.faces, inwards.faces)
 
 
-def test_seams_of_the_high_poly_mesh_do_not_hinder(
-    high: Mesh, result: RunResult, tmp_path: Path
-) -> None:
+def test_seams_of_the_high_poly_mesh_do_not_hinder(high, result, tmp_path):
     cut = high.replace(
         uvs=np.random.default_rng(0).uniform(size=(3 * high.n_faces, 2)),
         uv_faces=np.arange(3 * high.n_faces).reshape(-1, 3),
@@ -207,7 +195,7 @@ def test_seams_of_the_high_poly_mesh_do_not_hinder(
     assert not any("too few faces" in note for note in found.warnings)
 
 
-def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path: Path) -> None:
+def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path):
     ball = icosphere(2)
     doubled = Mesh(
         positions=np.concatenate([ball.positions, 0.8 * ball.positions]),
@@ -221,7 +209,7 @@ def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path: Path) -> None:
     assert result.to_json()["remesh"] == [reason]
 
 
-def boxes(n_per_side: int) -> Mesh:
+def boxes(n_per_side):
     """Boxes of many sizes in a cubic grid."""
     places = np.stack(np.meshgrid(*[np.arange(n_per_side)] * 3), axis=-1).reshape(-1, 1, 3)
     sizes = np.random.default_rng(0).uniform(0.1, 0.8, (len(places), 1, 1))
@@ -234,9 +222,7 @@ def boxes(n_per_side: int) -> Mesh:
 
 
 @pytest.mark.parametrize(("n_per_side", "size"), [(2, 512), (4, 256)])
-def test_the_padding_follows_from_the_size_and_the_charts(
-    tmp_path: Path, n_per_side: int, size: int
-) -> None:
+def test_the_padding_follows_from_the_size_and_the_charts(tmp_path, n_per_side, size):
     high = boxes(n_per_side)
     options = RunOptions(n_faces=high.n_faces, size=size, samples=1, remesh="never", compare="off")
     made = run(high, tmp_path, options)
@@ -254,9 +240,7 @@ def test_the_padding_follows_from_the_size_and_the_charts(
     ("n_per_side", "size", "padding", "hint"),
     [(6, 64, None, "use a larger `size`$"), (4, 96, 2, "`size` or less `padding`$")],
 )
-def test_an_atlas_finer_than_its_texels_is_an_error(
-    tmp_path: Path, n_per_side: int, size: int, padding: int | None, hint: str
-) -> None:
+def test_an_atlas_finer_than_its_texels_is_an_error(tmp_path, n_per_side, size, padding, hint):
     high = boxes(n_per_side)
     shape = {"n_faces": high.n_faces, "remesh": "never", "normals": "smooth"}
     options = RunOptions(size=size, padding=padding, **shape)
@@ -269,7 +253,7 @@ def test_an_atlas_finer_than_its_texels_is_an_error(
     ("normals", "is_hard"),
     [("auto", True), ("angle", True), ("uv", True), ("keep", False), ("smooth", False)],
 )
-def test_sharp_edges_are_hard_in_every_file(tmp_path: Path, normals: str, is_hard: bool) -> None:
+def test_sharp_edges_are_hard_in_every_file(tmp_path, normals, is_hard):
     """Boxes of flat sides: with hard edges and seams there, nothing is left for the map."""
     options = RunOptions(n_faces=96, size=256, compare="off", remesh="never", normals=normals)
     made = run(boxes(2), tmp_path, options)
@@ -292,7 +276,7 @@ def test_sharp_edges_are_hard_in_every_file(tmp_path: Path, normals: str, is_har
         assert np.abs(codes - codes[0, 0]).max() < 1e-4
 
 
-def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result: RunResult) -> None:
+def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result):
     low = read_mesh(result.files["mesh"])
     assert result.low.normals is None
     np.testing.assert_array_equal(low.normals[low.normal_faces], smooth_normals(low)[low.faces])
@@ -308,7 +292,7 @@ def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result: RunResult)
         ({}, (4, None, None)),
     ],
 )
-def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected) -> None:  # type: ignore[no-untyped-def]
+def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected):  # type: ignore[no-untyped-def]
     bake = RunOptions(**choices).bake_options()
     assert (bake.samples, bake.max_error, bake.time_budget) == expected
     assert bake.is_adaptive == (expected[0] == "adaptive" or expected[1] is not None)
@@ -323,12 +307,12 @@ def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected) 
         ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
     ],
 )
-def test_impossible_options_are_refused_before_the_work(options, message) -> None:  # type: ignore[no-untyped-def]
+def test_impossible_options_are_refused_before_the_work(options, message):  # type: ignore[no-untyped-def]
     with pytest.raises(OptionError, match=message):
         RunOptions(**options)
 
 
-def test_a_preset_names_and_codes_the_files_as_export_does(high: Mesh, tmp_path: Path) -> None:
+def test_a_preset_names_and_codes_the_files_as_export_does(high, tmp_path):
     options = RunOptions(preset="unreal", maps=("ao",), compare="off", n_faces=200, size=256)
     made = run(high, tmp_path, options)
     names = "SM_ball.glb T_ball_N.png T_ball_H.png T_ball_AO.png T_ball_ORM.png ball_report.json"
@@ -342,7 +326,7 @@ def test_a_preset_names_and_codes_the_files_as_export_does(high: Mesh, tmp_path:
 
 
 @pytest.mark.parametrize("preset", PROGRAMS)
-def test_occlusion_is_in_the_material_of_a_preset(high: Mesh, tmp_path: Path, preset: str) -> None:
+def test_occlusion_is_in_the_material_of_a_preset(high, tmp_path, preset):
     made = run(high, tmp_path, replace(QUICK, preset=preset, maps=("ao",), levels=(40,)))
     occlusion = read_image(made.files["ao"], color=False).pixels[..., 0]
     text = made.files["settings"].read_text()
@@ -360,7 +344,7 @@ def test_occlusion_is_in_the_material_of_a_preset(high: Mesh, tmp_path: Path, pr
     assert made.files["orm"].name in text and made.files["lod1_orm"].is_file()
 
 
-def test_levels_of_a_preset_have_import_files_of_their_own(high: Mesh, tmp_path: Path) -> None:
+def test_levels_of_a_preset_have_import_files_of_their_own(high, tmp_path):
     imports = {
         "unreal": ["import_ball_lod1.py"], "unity": ["Editor/ball_lod1Import.cs"],
         "godot": ["ball_lod1_normal.png.import", "ball_lod1_height.png.import"], "blender": [],
@@ -378,9 +362,7 @@ def test_levels_of_a_preset_have_import_files_of_their_own(high: Mesh, tmp_path:
             assert {main.name, made.files["lod1_normal"].name} <= set(re.findall(r"[\w.]+", script))
 
 
-def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(
-    high: Mesh, tmp_path: Path
-) -> None:
+def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(high, tmp_path):
     words = {
         "unreal": ("turn Flip Green Channel on.", "(False, True, 'TC_NORMALMAP'"),
         "unity": ("Flip Green Channel on", "flipGreenChannel = true;"),
@@ -397,7 +379,7 @@ def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(
 
 
 @pytest.mark.parametrize("preset", PROGRAMS)
-def test_options_that_are_given_win_over_a_preset(preset: str) -> None:
+def test_options_that_are_given_win_over_a_preset(preset):
     target, chosen = PROGRAMS[preset], RunOptions(preset=preset)
     assert (chosen.size, chosen.padding) == (target.size, target.padding)
     assert (chosen.bits, chosen.convention) == (target.normal_bits, target.convention)
@@ -409,7 +391,7 @@ def test_options_that_are_given_win_over_a_preset(preset: str) -> None:
     assert half.padding == target.padding // 2
 
 
-def test_levels_share_the_layout_and_have_smaller_maps(high: Mesh, tmp_path: Path) -> None:
+def test_levels_share_the_layout_and_have_smaller_maps(high, tmp_path):
     options = replace(QUICK, size=128, levels=(90, 40), maps=("ao",))
     made = run(high, tmp_path, options)
     faces = [read_mesh(made.files[key]).n_faces for key in ("mesh", "lod1_mesh", "lod2_mesh")]
@@ -430,7 +412,7 @@ def test_levels_share_the_layout_and_have_smaller_maps(high: Mesh, tmp_path: Pat
         run(high, tmp_path, replace(options, n_faces=None, error="3%", levels=(2000, 30)))
 
 
-def test_an_orm_image_becomes_a_mask_map(tmp_path: Path) -> None:
+def test_an_orm_image_becomes_a_mask_map(tmp_path):
     codes = np.random.default_rng(0).integers(0, 256, (4, 4, 3), np.uint8)
     write_image(codes, tmp_path / "orm.png", color=False)
     orm = (tmp_path / "orm.png").read_bytes()

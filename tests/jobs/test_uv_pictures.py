@@ -1,7 +1,6 @@
 """Pictures of texture coordinates: the checker on the mesh, and layouts as files."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,19 +18,19 @@ from texbake.texture.image import read_image
 FRONT = RenderOptions(width=96, height=96, view=(0.0, 0.0), supersampling=2, background=None)
 
 
-def front_of(picture: np.ndarray) -> np.ndarray:
+def front_of(picture):
     """The middle of the first of the four pictures."""
     margin = 6  # about each, at this size
     middle = margin + (picture.shape[1] - 5 * margin) // 8
     return picture[24:72, middle - 24 : middle + 24]
 
 
-def hues(picture: np.ndarray) -> np.ndarray:
+def hues(picture):
     """Colors without how strongly they are lit."""
     return picture / np.maximum(picture.sum(axis=2, keepdims=True), 1e-3)
 
 
-def test_coordinates_outside_the_square_repeat_the_checker() -> None:
+def test_coordinates_outside_the_square_repeat_the_checker():
     mesh = plane()
     assert mesh.uvs is not None
     here = render_checker(mesh, FRONT)
@@ -42,7 +41,7 @@ def test_coordinates_outside_the_square_repeat_the_checker() -> None:
     assert np.abs(front_of(here) - front_of(elsewhere)).mean() > 0.1
 
 
-def test_mirrored_coordinates_show_the_checker_mirrored() -> None:
+def test_mirrored_coordinates_show_the_checker_mirrored():
     mesh = plane()
     assert mesh.uvs is not None
     upright = front_of(render_checker(mesh, FRONT, n_cells=4))
@@ -53,7 +52,7 @@ def test_mirrored_coordinates_show_the_checker_mirrored() -> None:
     assert np.abs(hues(upright) - hues(turned)).mean() > 0.1
 
 
-def test_four_sides_and_the_same_for_any_number_of_threads() -> None:
+def test_four_sides_and_the_same_for_any_number_of_threads():
     # An open plane, culled from behind: only the first of its four sides shows it.
     culled = render_checker(plane(), FRONT, threads=1)
     both = RenderOptions(
@@ -69,7 +68,7 @@ def test_four_sides_and_the_same_for_any_number_of_threads() -> None:
     assert render_checker(plane(), both, threads=1).tobytes() == shown.tobytes()
 
 
-def test_a_checker_repeated_often_is_drawn_with_fewer_texels() -> None:
+def test_a_checker_repeated_often_is_drawn_with_fewer_texels():
     mesh = plane()
     assert mesh.uvs is not None
     often = mesh.replace(uvs=mesh.uvs * 8.0)
@@ -80,14 +79,14 @@ def test_a_checker_repeated_often_is_drawn_with_fewer_texels() -> None:
     assert picture.std() > 0.05  # and the cells can still be told apart
 
 
-def test_wrong_input() -> None:
+def test_wrong_input():
     with pytest.raises(UvError, match="no texture coordinates"):
         render_checker(cube())
     with pytest.raises(OptionError, match="n_cells"):
         render_checker(plane(), n_cells=99)
 
 
-def test_the_suffix_chooses_the_format(tmp_path: Path) -> None:
+def test_the_suffix_chooses_the_format(tmp_path):
     mesh = plane(3, 3)
     write_layout(mesh, tmp_path / "a.png", 64, heat=True)
     read = read_image(tmp_path / "a.png", color=True)
@@ -98,7 +97,7 @@ def test_the_suffix_chooses_the_format(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.SVG", "a.png"]
 
 
-def test_a_file_that_was_there_stays_if_it_cannot_be_drawn(tmp_path: Path) -> None:
+def test_a_file_that_was_there_stays_if_it_cannot_be_drawn(tmp_path):
     for name in "a.png", "a.svg":
         (tmp_path / name).write_text("before")
         with pytest.raises(UvError):
@@ -106,7 +105,7 @@ def test_a_file_that_was_there_stays_if_it_cannot_be_drawn(tmp_path: Path) -> No
         assert (tmp_path / name).read_text() == "before"
 
 
-def test_other_names(tmp_path: Path) -> None:
+def test_other_names(tmp_path):
     with pytest.raises(FileFormatError, match=r"'\.gif'; use \.png or \.svg"):
         check_layout(tmp_path / "a.gif")
     with pytest.raises(FileError, match="there is no folder"):

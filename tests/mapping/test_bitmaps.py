@@ -9,7 +9,6 @@ from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
     Outlines,
     PackingGrid,
-    Shapes,
     least_box_angles,
     shapes_of,
 )
@@ -19,7 +18,7 @@ from texbake.mesh.shapes import plane
 SEARCH = SearchLimits(samples=20, radius=8, step=4, patience=100, work=100_000_000)
 
 
-def random_bitmaps(seed: int, n_charts: int) -> Bitmaps:
+def random_bitmaps(seed, n_charts):
     """Blobs of up to 12 x 12 cells, in two poses each, with holes and bays."""
     random = np.random.default_rng(seed)
     boxes = random.integers(3, 13, (n_charts, 2, 2))
@@ -30,14 +29,14 @@ def random_bitmaps(seed: int, n_charts: int) -> Bitmaps:
     return Bitmaps(boxes=boxes, shifts=np.zeros((n_charts, 2, 2)), starts=starts, masks=masks)
 
 
-def mask_of(bitmaps: Bitmaps, chart: int, pose: int, turn: int) -> np.ndarray:
+def mask_of(bitmaps, chart, pose, turn):
     width, height = bitmaps.boxes[chart, pose]
     start = bitmaps.starts[chart, pose]
     # Rows go up, so that a turn counter-clockwise is one clockwise of rows that go down.
     return np.rot90(bitmaps.masks[start : start + width * height].reshape(height, width), -turn)
 
 
-def stamped(mask: np.ndarray, place: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def stamped(mask, place, shape):
     grid = np.zeros(shape, dtype=np.uint8)
     grid[place[1] : place[1] + mask.shape[0], place[0] : place[0] + mask.shape[1]] = mask
     return grid
@@ -45,7 +44,7 @@ def stamped(mask: np.ndarray, place: np.ndarray, shape: tuple[int, int]) -> np.n
 
 @pytest.mark.parametrize("hurry", [0, 1, 2])
 @pytest.mark.parametrize("padding", [0, 1, 3])
-def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
+def test_placed_charts_keep_their_distance(padding, hurry):
     bitmaps = random_bitmaps(padding, 30)
     grid = PackingGrid.over((90, 120), padding, most_cells=200)
     order = np.arange(30, dtype=np.int32)
@@ -65,7 +64,7 @@ def test_placed_charts_keep_their_distance(padding: int, hurry: int) -> None:
 
 @pytest.mark.parametrize("cell", [1, 2, 3, 5])
 @pytest.mark.parametrize("padding", [0, 1, 3, 8])
-def test_cells_with_texels_too_near_each_other_are_kept_apart(padding: int, cell: int) -> None:
+def test_cells_with_texels_too_near_each_other_are_kept_apart(padding, cell):
     grid = PackingGrid.over((60 * cell, 50 * cell), padding, most_cells=60)
     assert grid.cell == cell
     reach = len(grid.half_widths) // 2
@@ -79,7 +78,7 @@ def test_cells_with_texels_too_near_each_other_are_kept_apart(padding: int, cell
         assert sum(near) == expected and all(near[:expected])
 
 
-def test_charts_without_a_place_are_left_out() -> None:
+def test_charts_without_a_place_are_left_out():
     bitmaps = random_bitmaps(1, 30)
     grid = PackingGrid.over((24, 24), 0, most_cells=200)
     order = np.arange(30, dtype=np.int32)
@@ -90,7 +89,7 @@ def test_charts_without_a_place_are_left_out() -> None:
 
 
 @pytest.mark.parametrize("checkered", [False, True])  # the most runs that cells can have
-def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood(checkered: bool) -> None:
+def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood(checkered):
     bitmaps = random_bitmaps(2, 6)
     if checkered:
         for (width, height), start in zip(
@@ -118,7 +117,7 @@ def test_shapes_are_the_cells_of_turned_bitmaps_and_their_neighborhood(checkered
                 assert (cells == expected).all()
 
 
-def overlap_of(shapes: Shapes, places: np.ndarray, size: tuple[int, int]) -> int:
+def overlap_of(shapes, places, size):
     """Cells of each chart in the neighborhood of each later one."""
     masks = np.zeros((2, len(places), size[1] + 40, size[0] + 40), dtype=bool)
     for chart, (x, y, orientation) in enumerate(places):
@@ -132,7 +131,7 @@ def overlap_of(shapes: Shapes, places: np.ndarray, size: tuple[int, int]) -> int
 
 
 @pytest.mark.parametrize("padding", [0, 2])
-def test_charts_on_one_heap_are_moved_apart(padding: int) -> None:
+def test_charts_on_one_heap_are_moved_apart(padding):
     bitmaps = random_bitmaps(3, 16)
     half_widths = PackingGrid.over((64, 64), padding, most_cells=64).half_widths
     shapes = shapes_of(bitmaps, half_widths, turns=4)
@@ -148,7 +147,7 @@ def test_charts_on_one_heap_are_moved_apart(padding: int) -> None:
     assert (apart[:, :2] + boxes <= size).all()
 
 
-def test_charts_as_wide_as_the_grid_are_stacked() -> None:
+def test_charts_as_wide_as_the_grid_are_stacked():
     starts = 64 * np.arange(3)[:, None]
     boxes, shifts = np.full((3, 1, 2), 8), np.zeros((3, 1, 2))
     masks = np.ones(3 * 64, np.uint8)
@@ -160,7 +159,7 @@ def test_charts_as_wide_as_the_grid_are_stacked() -> None:
     assert (apart[:, 0] == 0).all() and apart[:, 1].max() <= 22
 
 
-def test_charts_without_room_overlap_by_the_amount_reported() -> None:
+def test_charts_without_room_overlap_by_the_amount_reported():
     shapes = shapes_of(random_bitmaps(4, 12), np.zeros(1, dtype=np.int32), turns=4)
     places = np.zeros((12, 3), dtype=np.int32)
     weights = pair_weights(np.full(12, 60.0))
@@ -170,7 +169,7 @@ def test_charts_without_room_overlap_by_the_amount_reported() -> None:
     assert overlap == overlap_of(shapes, found, size)
 
 
-def test_a_turned_rectangle_is_turned_back_to_its_least_box() -> None:
+def test_a_turned_rectangle_is_turned_back_to_its_least_box():
     angle = np.radians(-33.0)
     corners = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 2.0], [0.0, 2.0]])
     uvs = corners @ np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
@@ -183,7 +182,7 @@ def test_a_turned_rectangle_is_turned_back_to_its_least_box() -> None:
     assert poses.extents == pytest.approx(np.array([[[5.0, 2.0], [2.0, 5.0]]]))
 
 
-def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
+def test_a_chart_between_cell_centers_still_takes_a_cell():
     uvs = np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.1], [3.0, 0.0], [7.4, 0.0], [3.0, 6.4]])
     faces = np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32)
     ids = np.repeat(np.arange(2, dtype=np.int32), 3)
@@ -197,7 +196,7 @@ def test_a_chart_between_cell_centers_still_takes_a_cell() -> None:
 
 @pytest.mark.parametrize("margin", [-0.3, 0.0, 1 / 512, 0.6])
 @pytest.mark.parametrize("scale", [0.7, 4.0, 23.7])
-def test_cells_inside_a_chart_are_those_that_its_faces_touch(margin: float, scale: float) -> None:
+def test_cells_inside_a_chart_are_those_that_its_faces_touch(margin, scale):
     grid = plane(24, 8)
     u, v = (grid.positions[:, :2] * [24.0, 8.0]).T
     n, jitter = len(u), np.random.default_rng(7).uniform(-0.3, 0.3, (len(u), 2))

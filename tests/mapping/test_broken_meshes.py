@@ -45,17 +45,17 @@ def wrong_with(mesh, quality):
 
 
 @pytest.mark.parametrize("seed", range(N_SAMPLES))
-def test_broken_meshes_get_an_atlas(seed: int) -> None:
+def test_broken_meshes_get_an_atlas(seed):
     quality = ("good", "fast", "best")[seed % 3]
     mesh, _ = broken_mesh(seed)
     assert wrong_with(mesh, quality) == ""
 
 
-def test_next_to_no_area_at_all_is_no_error_of_its_own() -> None:
+def test_next_to_no_area_at_all_is_no_error_of_its_own():
     mesh, _ = broken_mesh(613)
     assert wrong_with(mesh, "good") == ""
 
 
-def test_the_sample_has_every_kind_of_damage() -> None:
+def test_the_sample_has_every_kind_of_damage():
     names = {name for seed in range(N_SAMPLES) for name in broken_mesh(seed)[1]}
     assert names == {mutation.__name__ for mutation in MUTATIONS}

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -14,14 +12,14 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 
-def stacked(mesh: Mesh) -> Mesh:
+def stacked(mesh):
     """Every face on the same triangle of the texture."""
     return with_coordinates(
         mesh, np.tile([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]], (mesh.n_faces, 1, 1))
     )
 
 
-def test_charts_keep_their_shapes_and_sizes() -> None:
+def test_charts_keep_their_shapes_and_sizes():
     mesh = unwrap(icosphere(2), size=512)
     packed = unwrap(mesh, keep=True, size=(256, 512), padding=8)
     before, after = (m.corner_uvs() * s for m, s in ((mesh, [1, 2]), (packed, [1, 2])))
@@ -33,7 +31,7 @@ def test_charts_keep_their_shapes_and_sizes() -> None:
     assert np.array_equal(chart_ids(packed), chart_ids(mesh))
 
 
-def test_overlapping_faces_are_moved_side_by_side() -> None:
+def test_overlapping_faces_are_moved_side_by_side():
     mesh = stacked(cube())
     assert find_overlaps(mesh.corner_uvs()).overlapping.all()
     packed, report = unwrap_with_report(mesh, keep=True)
@@ -42,7 +40,7 @@ def test_overlapping_faces_are_moved_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2])
-def test_two_faces_are_one_chart_among_many_single_faces(turn: int) -> None:
+def test_two_faces_are_one_chart_among_many_single_faces(turn):
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
     places = 2.0 * np.stack([*np.divmod(np.arange(1500), 50), np.zeros(1500)], axis=1)
     faces = np.concatenate(
@@ -57,19 +55,19 @@ def test_two_faces_are_one_chart_among_many_single_faces(turn: int) -> None:
     assert chart_ids(unwrap(mesh, quality="fast")).max() == 1499
 
 
-def test_mirrored_charts_stay_mirrored() -> None:
+def test_mirrored_charts_stay_mirrored():
     mesh = plane(2, 2)
     mirrored = with_coordinates(mesh, mesh.corner_uvs() * [-1.0, 1.0])
     assert (signed_areas(unwrap(mirrored, keep=True).corner_uvs()) < 0.0).all()
 
 
-def test_charts_have_the_size_of_the_mesh() -> None:
+def test_charts_have_the_size_of_the_mesh():
     mesh = plane(3, 2)
     charts = existing_charts(mesh.replace(positions=2.0 * mesh.positions), (512, 512))
     assert np.abs(signed_areas(charts.uvs[charts.faces])).sum() == pytest.approx(1.0)
 
 
-def test_there_must_be_coordinates_to_keep() -> None:
+def test_there_must_be_coordinates_to_keep():
     with pytest.raises(UvError, match="no texture coordinates"):
         unwrap(cube(), keep=True)
     with pytest.raises(UvError, match="no area in the texture"):

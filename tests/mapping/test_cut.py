@@ -3,30 +3,26 @@ import re
 import signal
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.models import BROKEN, model, of_cells, real
 from texbake.errors import DependencyError, UnwrapError
-from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting import xatlas_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts as cut_surface, surface_of
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
 
 
-def cut_charts(
-    mesh: Mesh, regions: IntArray | None = None, threads: int | None = None, **options: object
-) -> Charts:
+def cut_charts(mesh, regions=None, threads=None, **options):
     return cut_surface(mesh, surface_of(mesh, regions, threads), **options)
 
 
-def worker(folder: Path, monkeypatch: pytest.MonkeyPatch, code: str) -> None:
+def worker(folder, monkeypatch, code):
     """Replace the worker by a module of the test."""
     (folder / "own_worker.py").write_text(f"import os, sys, time\n{code}\n")
     monkeypatch.syspath_prepend(folder)
@@ -34,7 +30,7 @@ def worker(folder: Path, monkeypatch: pytest.MonkeyPatch, code: str) -> None:
 
 
 @pytest.mark.parametrize("method", ["texbake", "xatlas"])
-def test_a_flat_mesh_is_one_chart_with_its_own_lengths(method: str) -> None:
+def test_a_flat_mesh_is_one_chart_with_its_own_lengths(method):
     mesh = plane(8, 8)
     cut = cut_charts(mesh, method=method)
     assert cut.n_charts == 1
@@ -54,13 +50,13 @@ def test_a_flat_mesh_is_one_chart_with_its_own_lengths(method: str) -> None:
         [[0, 0, 0], [1, 1, 1], [2, 2, 2]],
     ],
 )
-def test_a_mesh_without_area_is_one_clear_error(positions: list[list[float]]) -> None:
+def test_a_mesh_without_area_is_one_clear_error(positions):
     mesh = Mesh(positions=positions, faces=[[0, 1, 2]], name="thread.obj")
     with pytest.raises(UnwrapError, match=r"thread\.obj: none of its 1 faces has an area"):
         cut_charts(mesh)
 
 
-def test_faces_too_thin_for_the_grid_are_distinguished_from_faces_without_area() -> None:
+def test_faces_too_thin_for_the_grid_are_distinguished_from_faces_without_area():
     far = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1e8, 0, 0], [1e8 + 1, 0, 0], [1e8, 1, 0]]
     mesh = Mesh(positions=far, faces=[[0, 1, 2], [3, 4, 5]], name="far.obj")
     with pytest.raises(UnwrapError, match=r"far\.obj: each of its 2 faces is narrower than 4 mill"):
@@ -80,9 +76,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize("code", FAILURES)
-def test_parts_that_xatlas_fails_on_are_cut_by_normals(
-    code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_that_xatlas_fails_on_are_cut_by_normals(code, tmp_path, monkeypatch):
     worker(tmp_path, monkeypatch, f"{code}\ntime.sleep(100)")
     start = time.perf_counter()
     charts = cut_charts(cube(), method="xatlas", timeout=3.0)
@@ -95,9 +89,7 @@ def test_parts_that_xatlas_fails_on_are_cut_by_normals(
 
 
 @pytest.mark.parametrize("threads", [1, 4])
-def test_parts_beside_one_that_xatlas_fails_on_are_cut_by_it(
-    threads: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_parts_beside_one_that_xatlas_fails_on_are_cut_by_it(threads, tmp_path, monkeypatch):
     real = (
         "from texbake.mapping.atlas.cutting.cut_worker import cut; from texbake.child import serve"
     )
@@ -111,9 +103,7 @@ def test_parts_beside_one_that_xatlas_fails_on_are_cut_by_it(
     assert (charts.n_charts, charts.n_ignored) == (6, 0)
 
 
-def test_a_library_that_hangs_is_not_waited_for_again_and_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_that_hangs_is_not_waited_for_again_and_again(tmp_path, monkeypatch):
     worker(tmp_path, monkeypatch, "time.sleep(100)")
     regions = np.repeat(np.arange(6, dtype=np.int32), 2)
     charts = cut_charts(cube(), regions, threads=1, method="xatlas", timeout=0.3)
@@ -123,9 +113,7 @@ def test_a_library_that_hangs_is_not_waited_for_again_and_again(
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="the system has no timers")
-def test_an_interrupt_takes_the_worker_along(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupt_takes_the_worker_along(tmp_path, monkeypatch):
     pid_file = tmp_path / "pid"
     worker(
         tmp_path,
@@ -133,7 +121,7 @@ def test_an_interrupt_takes_the_worker_along(
         f"open({str(pid_file)!r}, 'w').write(str(os.getpid())); time.sleep(100)",
     )
 
-    def interrupt(*_: object) -> None:
+    def interrupt(*_):
         if pid_file.exists() and pid_file.read_text():
             raise KeyboardInterrupt
 
@@ -149,31 +137,31 @@ def test_an_interrupt_takes_the_worker_along(
         os.kill(int(pid_file.read_text()), 0)
 
 
-def test_without_xatlas(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_xatlas(monkeypatch):
     monkeypatch.setitem(sys.modules, "xatlas", None)
     with pytest.raises(DependencyError, match=r"pip install xatlas"):
         cut_charts(cube(), method="xatlas")
     assert cut_charts(cube()).n_charts == 6
 
 
-def test_with_an_xatlas_that_does_not_load(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_with_an_xatlas_that_does_not_load(tmp_path, monkeypatch):
     worker(tmp_path, monkeypatch, "sys.exit(3)")
     with pytest.raises(DependencyError, match="xatlas: it does not load"):
         cut_charts(cube(), method="xatlas")
 
 
-def noisy_sphere(n: int, noise: float) -> Mesh:
+def noisy_sphere(n, noise):
     positions, faces = _geodesic_sphere(n)
     radii = 1.0 + noise * np.random.default_rng(1).standard_normal(len(positions))
     return Mesh(positions=positions * radii[:, None], faces=faces)
 
 
-def l2_stretch(mesh: Mesh, charts: Charts) -> float:
+def l2_stretch(mesh, charts):
     return distortion(mesh.replace(uvs=charts.uvs, uv_faces=charts.faces)).stretch.l2
 
 
 @pytest.mark.parametrize("noise", [0.003, 0.01])
-def test_a_rough_scan_comes_apart_in_few_charts_of_little_stretch(noise: float) -> None:
+def test_a_rough_scan_comes_apart_in_few_charts_of_little_stretch(noise):
     # xatlas cuts it, in half a minute or more, into 34 charts of stretch 1.25, with the stronger
     # noise into 4,500 of 1.93.
     mesh = noisy_sphere(64, noise)
@@ -182,7 +170,7 @@ def test_a_rough_scan_comes_apart_in_few_charts_of_little_stretch(noise: float) 
     assert l2_stretch(mesh, charts) < (1.005 if noise == 0.003 else 1.05)
 
 
-def no_overlaps_in(charts: Charts) -> bool:
+def no_overlaps_in(charts):
     solid = (charts.faces != charts.faces[:, :1]).any(axis=1)
     corners = charts.uvs[charts.faces[solid]]
     face_charts = charts.chart_ids[charts.faces[solid, 0]]
@@ -194,16 +182,14 @@ def no_overlaps_in(charts: Charts) -> bool:
 @pytest.mark.parametrize(
     "name", [*BROKEN, "bracket", *real("meshes/ADIS16480.STL", "broken/self_intersectA.obj")]
 )
-def test_charts_of_parts_and_broken_meshes_neither_overlap_nor_mirror(
-    name: str, quality: str
-) -> None:
+def test_charts_of_parts_and_broken_meshes_neither_overlap_nor_mirror(name, quality):
     charts = cut_charts(model(name), quality=quality)
     assert no_overlaps_in(charts)
     assert charts.notes == ()
 
 
 @pytest.mark.parametrize("n", [4, 24])
-def test_faces_of_different_regions_share_no_chart(n: int) -> None:
+def test_faces_of_different_regions_share_no_chart(n):
     mesh = grid_sphere(n, 2 * n)
     regions = (mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 0.1).astype(np.int32)
     charts = cut_charts(mesh, regions=regions)
@@ -211,14 +197,14 @@ def test_faces_of_different_regions_share_no_chart(n: int) -> None:
     assert len(pairs) == charts.n_charts
 
 
-def test_progress_tells_of_all_faces() -> None:
+def test_progress_tells_of_all_faces():
     for mesh in (cube(), noisy_sphere(12, 0.01)):
         steps: list[int] = []
         cut_charts(mesh, advance=steps.append)
         assert sum(steps) == mesh.n_faces
 
 
-def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
+def test_a_face_in_no_chart_gets_a_point_of_a_neighbor():
     positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 0], [9, 9, 9]]
     mesh = Mesh(positions=positions, faces=[[4, 4, 4], [0, 1, 2], [1, 1, 2]])
     charts = cut_charts(mesh)
@@ -229,7 +215,7 @@ def test_a_face_in_no_chart_gets_a_point_of_a_neighbor() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 11, 17), (17, 1, 11), (11, 17, 1)])
-def test_no_chart_of_a_thin_plate_goes_around_an_edge(shape: tuple[int, int, int]) -> None:
+def test_no_chart_of_a_thin_plate_goes_around_an_edge(shape):
     plate = of_cells(np.ones(shape, dtype=bool))
     charts = cut_charts(plate, quality="fast")
     a, b, c = plate.positions[plate.faces].transpose(1, 0, 2)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.parts import ChartLimits, Part, disk_charts, step_lengths
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import Mesh
@@ -9,9 +8,7 @@ from texbake.mesh.shapes import _geodesic_sphere, cube, plane
 from texbake.mesh.topology import opposite_half_edges
 
 
-def laid(
-    mesh: Mesh, most_l2: float, *, length: float = np.inf, area: float = np.inf
-) -> tuple[list[Charts], int]:
+def laid(mesh, most_l2, *, length=np.inf, area=np.inf):
     solid = np.ones(mesh.n_faces, dtype=bool)
     opposite = opposite_half_edges(mesh.faces, solid=solid)
     part = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
@@ -22,7 +19,7 @@ def laid(
     return [charts for _, charts in pieces], len(left)
 
 
-def test_a_developable_part_is_one_chart_with_its_own_lengths() -> None:
+def test_a_developable_part_is_one_chart_with_its_own_lengths():
     mesh = plane(16, 16, lambda x, y: np.sqrt(1.0 - (x - 0.5) ** 2))  # on a cylinder
     (charts,), n_left = laid(mesh, 1.001)
     assert (charts.n_charts, n_left) == (1, 0)
@@ -33,14 +30,14 @@ def test_a_developable_part_is_one_chart_with_its_own_lengths() -> None:
     assert np.abs(flat / space - 1.0).max() < 1e-3
 
 
-def test_a_closed_part_is_divided_until_it_is_flat_enough() -> None:
+def test_a_closed_part_is_divided_until_it_is_flat_enough():
     positions, faces = _geodesic_sphere(16)
     few, many = (laid(Mesh(positions=positions, faces=faces), l2) for l2 in (1.2, 1.01))
     assert few[1] == many[1] == 0
     assert 2 <= few[0][0].n_charts < many[0][0].n_charts <= 32
 
 
-def test_noise_does_not_divide_a_chart() -> None:
+def test_noise_does_not_divide_a_chart():
     mesh = plane(40, 40)
     noise = 0.012 * np.random.default_rng(1).standard_normal(mesh.n_vertices)
     rough = mesh.replace(positions=mesh.positions + noise[:, None] * [0.0, 0.0, 1.0])
@@ -49,7 +46,7 @@ def test_noise_does_not_divide_a_chart() -> None:
     assert n_left == 0
 
 
-def test_faces_on_one_edge_each_get_a_place() -> None:
+def test_faces_on_one_edge_each_get_a_place():
     book = Mesh(
         positions=[[0, 0, 0], [0, 0, 1], [1, 0, 0.5], [0, 1, 0.5], [-1, 0, 0.5]],
         faces=[[0, 1, 2], [0, 1, 3], [0, 1, 4]],
@@ -58,7 +55,7 @@ def test_faces_on_one_edge_each_get_a_place() -> None:
     assert (charts.n_charts, n_left) == (3, 0)
 
 
-def tube(n_around: int, n_along: int, height: float) -> Mesh:
+def tube(n_around, n_along, height):
     """The side of a prism of radius 1."""
     at, along = np.meshgrid(np.arange(n_around), np.arange(n_along + 1), indexing="ij")
     angles = 2.0 * np.pi * at.ravel() / n_around
@@ -70,7 +67,7 @@ def tube(n_around: int, n_along: int, height: float) -> Mesh:
     )
 
 
-def test_a_tube_is_cut_open_once() -> None:
+def test_a_tube_is_cut_open_once():
     mesh = tube(24, 6, 2.0)
     (charts,), n_left = laid(mesh, 1.001)
     assert (charts.n_charts, n_left) == (1, 0)
@@ -87,7 +84,7 @@ def test_a_tube_is_cut_open_once() -> None:
     )
 
 
-def test_creases_bound_charts() -> None:
+def test_creases_bound_charts():
     box = Mesh(
         positions=np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], float),
         faces=cube().faces,
@@ -96,7 +93,7 @@ def test_creases_bound_charts() -> None:
     assert charts.n_charts == 6
 
 
-def test_a_long_chart_is_divided() -> None:
+def test_a_long_chart_is_divided():
     strip = plane(64, 1).replace(positions=plane(64, 1).positions * [16.0, 1.0, 1.0])
     (charts,), _ = laid(strip, 1.001, length=6.0, area=99.0)
     assert charts.n_charts == 4
@@ -105,7 +102,7 @@ def test_a_long_chart_is_divided() -> None:
     )
 
 
-def test_a_ring_is_divided() -> None:
+def test_a_ring_is_divided():
     n = 64
     angles = 2.0 * np.pi * np.arange(n) / n
     rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(n)], axis=1)

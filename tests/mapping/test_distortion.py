@@ -4,7 +4,6 @@ import json
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, settings, strategies as st
 
@@ -15,13 +14,13 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
 
-def mapped(mesh: Mesh, matrix: npt.ArrayLike) -> Mesh:
+def mapped(mesh, matrix):
     """A mesh whose coordinates went through a linear map."""
     assert mesh.uvs is not None
     return mesh.replace(uvs=mesh.uvs @ np.transpose(matrix))
 
 
-def squares_of_scales(*scales: float) -> Mesh:
+def squares_of_scales(*scales):
     """Unit squares side by side in space, and in the texture each scaled by its own factor."""
     square = plane()
     positions = [square.positions + np.array([2.0 * i, 0.0, 0.0]) for i in range(len(scales))]
@@ -34,7 +33,7 @@ def squares_of_scales(*scales: float) -> Mesh:
 
 
 @given(st.floats(0.0, 6.3), st.floats(-3.0, 3.0), st.floats(-6.0, 6.0))
-def test_similarities_have_no_distortion(angle: float, log_size: float, log_texture: float) -> None:
+def test_similarities_have_no_distortion(angle, log_size, log_texture):
     mesh = plane(3, 2)
     cos, sin = math.cos(angle), math.sin(angle)
     mesh = mapped(mesh, np.array([[cos, -sin], [sin, cos]]) * 10.0**log_texture)
@@ -51,7 +50,7 @@ def test_similarities_have_no_distortion(angle: float, log_size: float, log_text
     assert found.n_mirrored == found.n_degenerate == found.n_collapsed == found.n_overlapping == 0
 
 
-def test_two_charts_of_unlike_size() -> None:
+def test_two_charts_of_unlike_size():
     # Areas 1 and 4 in the texture, 1 and 1 in space: σ² = 2/5 and 8/5 once totals are equal.
     found = distortion(squares_of_scales(1.0, 2.0), size=100)
     small, large = 0.4, 1.6
@@ -74,7 +73,7 @@ def test_two_charts_of_unlike_size() -> None:
     assert found.texel_density_variation == pytest.approx(50.0 / 150.0)
 
 
-def test_faces_without_area_are_counted_and_left_out() -> None:
+def test_faces_without_area_are_counted_and_left_out():
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 0]],
         faces=[[0, 1, 2], [0, 2, 3], [0, 4, 2], [0, 1, 1], [0, 1, 2]],
@@ -87,13 +86,13 @@ def test_faces_without_area_are_counted_and_left_out() -> None:
     assert found.n_charts == 1
 
 
-def test_a_wide_texture_is_measured_in_square_texels() -> None:
+def test_a_wide_texture_is_measured_in_square_texels():
     mesh = mapped(plane(), [[0.5, 0.0], [0.0, 1.0]])
     assert distortion(mesh, size=(2048, 1024)).stretch.l2 == pytest.approx(1.0)
     assert distortion(mesh, size=1024).stretch.quasi_conformal == pytest.approx(2.0)
 
 
-def test_two_charts_and_the_worst_faces_are_named() -> None:
+def test_two_charts_and_the_worst_faces_are_named():
     mesh = squares_of_scales(1.0, 2.0)
     found = distortion(mesh, size=100)
     first, second = found.charts
@@ -109,7 +108,7 @@ def test_two_charts_and_the_worst_faces_are_named() -> None:
     assert found.worst_faces[0].linf == pytest.approx(1.0 / math.sqrt(0.4))
 
 
-def test_no_more_than_ten_faces_are_named_and_they_are_the_worst() -> None:
+def test_no_more_than_ten_faces_are_named_and_they_are_the_worst():
     mesh = plane(10, 1)
     assert mesh.uvs is not None
     # Columns ever narrower in the texture.
@@ -124,7 +123,7 @@ def test_no_more_than_ten_faces_are_named_and_they_are_the_worst() -> None:
     )
 
 
-def test_one_mirrored_face_among_many() -> None:
+def test_one_mirrored_face_among_many():
     mesh = plane(4, 4)
     assert mesh.uvs is not None
     assert mesh.uv_faces is not None
@@ -144,13 +143,13 @@ def test_one_mirrored_face_among_many() -> None:
     assert found.seam_length == pytest.approx(np.linalg.norm(sides, axis=1).sum())
 
 
-def test_tiles_of_faces() -> None:
+def test_tiles_of_faces():
     mesh = squares_of_scales(1.0, 1.0)  # at u 0 and 20
     found = distortion(mesh)
     assert (found.n_tiles, found.fill, found.packing_efficiency) == pytest.approx((2, 2.0, 1.0))
 
 
-def test_everything_is_written_as_json() -> None:
+def test_everything_is_written_as_json():
     found = distortion(mapped(plane(), [[-1.0, 0.0], [0.0, 1.0]]))
     written = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert written["charts"][0]["l2"] is None
@@ -163,7 +162,7 @@ def test_everything_is_written_as_json() -> None:
     )
 
 
-def test_errors() -> None:
+def test_errors():
     with pytest.raises(UvError, match="no texture coordinates"):
         distortion(cube())
     with pytest.raises(UvError, match="none of its faces has an area both"):
@@ -174,7 +173,7 @@ def test_errors() -> None:
         distortion(Mesh(positions=line, faces=faces, uvs=line[:, :2], uv_faces=faces))
 
 
-def triangle_soup(seed: int, n: int = 20) -> Mesh:
+def triangle_soup(seed, n=20):
     """Triangles of any shape, upright and mirrored ones, none of them thin."""
     random = np.random.default_rng(seed)
     angles = random.uniform(0.0, 2.0 * np.pi, (n, 1)) + np.array([0.0, 2.0, 4.0])
@@ -189,7 +188,7 @@ def triangle_soup(seed: int, n: int = 20) -> Mesh:
 
 @settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
-def test_singular_values_are_those_of_the_matrix_from_texture_to_surface(seed: int) -> None:
+def test_singular_values_are_those_of_the_matrix_from_texture_to_surface(seed):
     mesh = triangle_soup(seed)
     found = face_stretch(mesh)
     corners, uvs = mesh.positions[mesh.faces], mesh.corner_uvs()
@@ -205,7 +204,7 @@ def test_singular_values_are_those_of_the_matrix_from_texture_to_surface(seed: i
     assert found.l2 == pytest.approx(np.sqrt((expected**2).sum(axis=1) / 2.0), rel=1e-6)
 
 
-def test_groups_are_summed_up_by_area() -> None:
+def test_groups_are_summed_up_by_area():
     mesh = triangle_soup(1)
     found = face_stretch(mesh)
     groups = np.arange(20) % 3
@@ -221,7 +220,7 @@ def test_groups_are_summed_up_by_area() -> None:
         assert stretch.quasi_conformal == pytest.approx((ratios * weights).sum())
 
 
-def test_only_groups_with_a_mirrored_face_are_infinite() -> None:
+def test_only_groups_with_a_mirrored_face_are_infinite():
     mesh = plane(2, 1)
     assert mesh.uvs is not None
     uvs = np.concatenate([mesh.uvs, [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]])

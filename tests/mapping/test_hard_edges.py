@@ -12,7 +12,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 
-def roof(degrees: float) -> Mesh:
+def roof(degrees):
     """A square that is folded along its middle: faces of both sides meet at an angle."""
     flat = plane(8, 8)
     half = np.radians(degrees) / 2.0
@@ -21,7 +21,7 @@ def roof(degrees: float) -> Mesh:
     return Mesh(positions=positions, faces=flat.faces)
 
 
-def with_normals(mesh: Mesh, until: float = np.inf) -> Mesh:
+def with_normals(mesh, until=np.inf):
     """Smooth normals on either side of the middle, that differ along it up to a height."""
     side = mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 0.0
     normals = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [-0.6, 0.0, 0.8]])
@@ -31,7 +31,7 @@ def with_normals(mesh: Mesh, until: float = np.inf) -> Mesh:
     return mesh.replace(normals=normals, normal_faces=faces.astype(np.int32))
 
 
-def sides_of(mesh: Mesh) -> np.ndarray:
+def sides_of(mesh):
     return mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 0.0
 
 

@@ -1,9 +1,6 @@
 """Charts joined, and charts cut until none is stretched beyond a bound: bounds and borders hold."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,22 +11,22 @@ from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.distortion import Distortion, distortion
+from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import find_overlaps
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 
-def surface(mesh: Mesh, regions: IntArray | None = None) -> ChartSurface:
+def surface(mesh, regions=None):
     return ChartSurface(points=mesh.positions, faces=mesh.faces, regions=regions)
 
 
-def one_chart(mesh: Mesh, uvs: FloatArray, **more: object) -> Charts:
+def one_chart(mesh, uvs, **more):
     charts = {"uvs": uvs, "faces": mesh.faces, "chart_ids": np.zeros(len(uvs), dtype=np.int32)}
     return Charts(**charts | more)
 
 
-def charts_by(labels: IntArray, mesh: Mesh) -> Charts:
+def charts_by(labels, mesh):
     """Flatten each group of faces alone, with the vertices that they share by index."""
     uvs, chart_ids = [np.empty((0, 2))], [np.empty(0, dtype=np.int32)]
     uv_faces = np.empty_like(mesh.faces)
@@ -45,7 +42,7 @@ def charts_by(labels: IntArray, mesh: Mesh) -> Charts:
     return Charts(uvs=np.concatenate(uvs), faces=uv_faces, chart_ids=np.concatenate(chart_ids))
 
 
-def checked(mesh: Mesh, charts: Charts) -> Distortion:
+def checked(mesh, charts):
     """Measure charts, after making sure that they are sound.
 
     Every face lies in one chart, upright, on nothing of its chart, which has its area in space.
@@ -66,20 +63,18 @@ def checked(mesh: Mesh, charts: Charts) -> Distortion:
     return measured
 
 
-def worst(measured: Distortion) -> float:
+def worst(measured):
     return max(chart.stretch.l2 for chart in measured.charts)
 
 
-def joined(
-    mesh: Mesh, charts: Charts, regions: IntArray | None = None, **bounds: float
-) -> tuple[Charts, Distortion]:
+def joined(mesh, charts, regions=None, **bounds):
     """Join charts of any size and shape, within bounds, and check the result."""
     anything = {"most_l2": 1.01, "most_share": 1.0, "most_waste": math.inf}
     found = join_charts(surface(mesh, regions), charts, **anything | bounds)
     return found, checked(mesh, found)
 
 
-def tube(n_around: int, n_along: int) -> Mesh:
+def tube(n_around, n_along):
     """Closed ring of quads, each cut in two: a prism, developable along any of its edges."""
     angles = 2.0 * math.pi * np.arange(n_around) / n_around
     heights = np.linspace(0.0, 2.0, n_along + 1)
@@ -90,7 +85,7 @@ def tube(n_around: int, n_along: int) -> Mesh:
     return Mesh(positions=points, faces=quads[..., [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))
 
 
-def octants(mesh: Mesh) -> IntArray:
+def octants(mesh):
     """Eight parts of a mesh about the origin."""
     centers = mesh.positions[mesh.faces].mean(axis=1)
     return ((centers > 0.0) @ [1, 2, 4]).astype(np.int32)
@@ -105,16 +100,14 @@ def octants(mesh: Mesh) -> IntArray:
     ],
     ids=["sides", "faces", "strips"],
 )
-def test_developable_charts_unfold_into_one(mesh: Mesh, labels: IntArray) -> None:
+def test_developable_charts_unfold_into_one(mesh, labels):
     found, measured = joined(mesh, charts_by(labels, mesh), most_l2=1.0001)
     assert found.n_charts == 1
     assert measured.stretch.l2 == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("most_length", "n_charts"), [(math.inf, 1), (1.15, 3), (0.8, 4)])
-def test_a_strip_is_joined_up_to_the_length_that_is_allowed(
-    most_length: float, n_charts: int
-) -> None:
+def test_a_strip_is_joined_up_to_the_length_that_is_allowed(most_length, n_charts):
     # 8 squares in a row: as long as 2.83 sides of a square with their area.
     strip = plane(8, 1).replace(positions=plane(8, 1).positions * [8.0, 1.0, 0.0])
     charts = charts_by(np.arange(16, dtype=np.int32) // 2, strip)
@@ -127,7 +120,7 @@ def test_a_strip_is_joined_up_to_the_length_that_is_allowed(
 
 
 @pytest.mark.parametrize("most_l2", [1.0, 1.01, 1.03, 1.1])
-def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
+def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2):
     mesh = icosphere(3)
     charts = charts_by(octants(mesh), mesh)
     before = checked(mesh, charts).stretch.l2
@@ -138,21 +131,21 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2: float) -> None:
     assert (found.n_charts < 8) == (most_l2 > 1.0)
 
 
-def test_a_chart_keeps_its_own_bound() -> None:
+def test_a_chart_keeps_its_own_bound():
     mesh = icosphere(3)
     charts = charts_by(octants(mesh), mesh)
     _, measured = joined(mesh, charts, most_l2=1.5, most_chart_l2=1.05)
     assert worst(measured) <= 1.05 + 1e-9
 
 
-def test_no_chart_takes_more_than_its_share() -> None:
+def test_no_chart_takes_more_than_its_share():
     mesh = plane(8, 8)
     found, measured = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), most_share=0.25)
     assert max(chart.area for chart in measured.charts) <= 0.25 + 1e-12
     assert found.n_charts < 16
 
 
-def test_a_snake_is_cut_into_compact_charts() -> None:
+def test_a_snake_is_cut_into_compact_charts():
     # A ring of squares, all but closed: its hull has a hole of more than half its area.
     n = 12
     grid = plane(n, n)
@@ -168,7 +161,7 @@ def test_a_snake_is_cut_into_compact_charts() -> None:
     assert hulls <= 1.3 * surface_areas(ring.positions[ring.faces]).sum()
 
 
-def test_no_chart_crosses_regions() -> None:
+def test_no_chart_crosses_regions():
     mesh = plane(8, 8)
     regions = (mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 0.5).astype(np.int32)
     found, _ = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), regions)
@@ -177,7 +170,7 @@ def test_no_chart_crosses_regions() -> None:
     assert not set(ids[regions == 0]) & set(ids[regions == 1])
 
 
-def fan(n_faces: int, flipped: Callable[[int], bool] = lambda _: False) -> Mesh:
+def fan(n_faces, flipped=lambda _: False):
     """Triangles about one edge."""
     angles = 0.3 * np.arange(n_faces)
     outer = np.stack([np.cos(angles), np.sin(angles), np.full(n_faces, 0.5)], axis=1)
@@ -193,12 +186,12 @@ def fan(n_faces: int, flipped: Callable[[int], bool] = lambda _: False) -> Mesh:
         (fan(2, lambda i: i == 0), 1),
     ],
 )
-def test_only_two_faces_of_one_winding_are_joined(mesh: Mesh, n_charts: int) -> None:
+def test_only_two_faces_of_one_winding_are_joined(mesh, n_charts):
     found, _ = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), most_l2=1.5)
     assert found.n_charts == n_charts
 
 
-def cap(height: float) -> Mesh:
+def cap(height):
     """Part of the unit sphere above a height, in one chart."""
     sphere = icosphere(3)
     faces = sphere.faces[(sphere.positions[sphere.faces, 2] > height).all(axis=1)]
@@ -207,7 +200,7 @@ def cap(height: float) -> Mesh:
 
 
 @pytest.mark.parametrize("max_stretch", [1.2, 1.02, 1.005, 1.001])
-def test_every_chart_of_a_cap_holds_the_bound(max_stretch: float) -> None:
+def test_every_chart_of_a_cap_holds_the_bound(max_stretch):
     mesh = cap(-0.4)
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
@@ -219,7 +212,7 @@ def test_every_chart_of_a_cap_holds_the_bound(max_stretch: float) -> None:
     assert (charts.n_charts > 1) == (max_stretch < flat.l2)
 
 
-def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart() -> None:
+def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart():
     mesh = cap(0.8)
     flat = flatten(mesh.positions, mesh.faces)
     assert flat is not None
@@ -230,7 +223,7 @@ def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart() -> None:
     assert len(charts.uvs) == mesh.n_faces + 2 * charts.n_charts
 
 
-def test_a_bad_layout_is_relaxed_and_not_cut_and_a_good_one_kept() -> None:
+def test_a_bad_layout_is_relaxed_and_not_cut_and_a_good_one_kept():
     mesh = plane(6, 6)
     assert mesh.uvs is not None
     good, squeezed = one_chart(mesh, np.array(mesh.uvs)), one_chart(mesh, np.array(mesh.uvs) ** 2)
@@ -240,7 +233,7 @@ def test_a_bad_layout_is_relaxed_and_not_cut_and_a_good_one_kept() -> None:
     assert worst(checked(mesh, charts)) <= 1.0001
 
 
-def test_a_face_too_thin_to_flatten_is_kept() -> None:
+def test_a_face_too_thin_to_flatten_is_kept():
     square = plane()
     positions = np.concatenate([square.positions, [[0.5, -1e-300, 0.0]]])
     mesh = Mesh(positions=positions, faces=np.concatenate([square.faces, [[0, 4, 1]]]))
@@ -252,7 +245,7 @@ def test_a_face_too_thin_to_flatten_is_kept() -> None:
 
 
 @pytest.mark.parametrize("change", ["join", "bound"])
-def test_faces_without_a_chart_stay_at_a_point_of_their_vertex(change: str) -> None:
+def test_faces_without_a_chart_stay_at_a_point_of_their_vertex(change):
     mesh = plane(4, 4)
     assert mesh.uvs is not None
     faces = mesh.faces.copy()

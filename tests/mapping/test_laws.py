@@ -61,7 +61,7 @@ BAD = {
 }
 
 
-def bumpy() -> Mesh:
+def bumpy():
     """Closed and without symmetry, so that no decision depends on rounding, on a grid of 2^-20."""
     ball = icosphere(2)
     x, y, z = ball.positions.T

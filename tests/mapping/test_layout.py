@@ -14,7 +14,7 @@ from texbake.mesh.oklch import diverging
 from texbake.mesh.shapes import cube, plane
 
 
-def triangle(*uvs: tuple[float, float]) -> Mesh:
+def triangle(*uvs):
     return Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]],
         faces=[[0, 1, 2]],
@@ -23,7 +23,7 @@ def triangle(*uvs: tuple[float, float]) -> Mesh:
     )
 
 
-def test_row_0_is_the_top_and_the_rest_is_bright() -> None:
+def test_row_0_is_the_top_and_the_rest_is_bright():
     picture = draw_layout(triangle((0, 0.5), (0.5, 1), (0, 1)), size=(80, 40))
     assert picture.shape == (40, 80, 3)
     assert picture.dtype == np.float32
@@ -36,14 +36,14 @@ def test_row_0_is_the_top_and_the_rest_is_bright() -> None:
     assert ((picture >= 0.0) & (picture <= 1.0)).all()
 
 
-def test_a_mirrored_face_is_red() -> None:
+def test_a_mirrored_face_is_red():
     corners = (0.1, 0.1), (0.9, 0.1), (0.1, 0.9)
     right, wrong = (draw_layout(triangle(*uvs), 64)[40, 20] for uvs in (corners, corners[::-1]))
     assert wrong[0] > 10.0 * wrong[1:].max()
     assert not right[0] > 10.0 * right[1:].max()
 
 
-def test_a_chart_is_outlined_all_around_and_inner_edges_are_fainter() -> None:
+def test_a_chart_is_outlined_all_around_and_inner_edges_are_fainter():
     mesh = plane(1, 1)
     assert mesh.uvs is not None
     picture = draw_layout(mesh.replace(uvs=mesh.uvs * 0.5 + 0.25), 64)
@@ -53,7 +53,7 @@ def test_a_chart_is_outlined_all_around_and_inner_edges_are_fainter() -> None:
     assert max(borders) < diagonal < inside
 
 
-def test_charts_differ_in_color_and_the_same_comes_out_of_any_number_of_threads() -> None:
+def test_charts_differ_in_color_and_the_same_comes_out_of_any_number_of_threads():
     corners = np.tile(plane().corner_uvs(), (6, 1, 1)) * 0.15
     corners += np.repeat(np.arange(6), 2)[:, None, None] * 0.16
     mesh = cube().replace(
@@ -66,7 +66,7 @@ def test_charts_differ_in_color_and_the_same_comes_out_of_any_number_of_threads(
     assert draw_layout(mesh, 300, threads=3).tobytes() == picture.tobytes()
 
 
-def test_faces_without_area_are_left_out() -> None:
+def test_faces_without_area_are_left_out():
     blank = draw_layout(triangle((0.2, 0.2), (0.5, 0.5), (0.8, 0.8)), 32)
     assert (blank[:4] == blank[0, 0]).all()
     assert draw_layout(triangle((9, 9), (9, 9), (9, 9)), 32).shape == (32, 32, 3)
@@ -74,7 +74,7 @@ def test_faces_without_area_are_left_out() -> None:
         draw_layout(cube())
 
 
-def test_tiles_stand_side_by_side_with_borders_and_numbers() -> None:
+def test_tiles_stand_side_by_side_with_borders_and_numbers():
     mesh = triangle((2.1, 1.1), (2.9, 1.1), (2.1, 1.9))
     picture = draw_layout(mesh, 600)
     assert picture.shape == (400, 600, 3)  # three columns of tiles, two rows
@@ -91,12 +91,12 @@ def test_tiles_stand_side_by_side_with_borders_and_numbers() -> None:
             assert corner[:, :40].min() < 0.1
 
 
-def test_names_of_tiles() -> None:
+def test_names_of_tiles():
     names = [Tile(column=c, row=r).name for c, r in ((0, 0), (9, 0), (3, 2), (10, 0), (-1, 0))]
     assert names == ["1001", "1010", "1024", "10, 0", "-1, 0"]
 
 
-def two_squares() -> Mesh:
+def two_squares():
     """Unit squares in space; the texture has the right one twice as wide and high, or four times
     as large, so that L2 of the left is √2.5 and of the right √(5/8)."""
     square = plane()
@@ -109,7 +109,7 @@ def two_squares() -> Mesh:
     )
 
 
-def test_heat_is_amber_where_the_texture_is_stretched_and_blue_where_compressed() -> None:
+def test_heat_is_amber_where_the_texture_is_stretched_and_blue_where_compressed():
     picture = draw_layout(two_squares(), 400, heat=True)
     assert picture.shape[0] > 400  # the scale below
     stretched, compressed = picture[330, 60], picture[80, 240]
@@ -123,7 +123,7 @@ def test_heat_is_amber_where_the_texture_is_stretched_and_blue_where_compressed(
     assert np.abs(scale - expected).max(axis=1).min() < 0.02
 
 
-def test_a_perfect_map_has_no_heat_and_unmeasurable_faces_are_gray() -> None:
+def test_a_perfect_map_has_no_heat_and_unmeasurable_faces_are_gray():
     picture = draw_layout(plane(4, 4), 400, heat=True)
     assert np.ptp(picture[170, 140]) < 1e-3
     flat = triangle((0, 0), (1, 0), (0, 1)).replace(positions=np.zeros((3, 3)))
@@ -132,7 +132,7 @@ def test_a_perfect_map_has_no_heat_and_unmeasurable_faces_are_gray() -> None:
     assert gray[0] < 0.7
 
 
-def test_cuts_are_darker_than_the_ends_of_the_surface() -> None:
+def test_cuts_are_darker_than_the_ends_of_the_surface():
     mesh = plane(2, 1)
     apart = mesh.corner_uvs() * 0.4 + 0.05
     apart[2:] += np.array([0.2, 0.2])
@@ -146,7 +146,7 @@ def test_cuts_are_darker_than_the_ends_of_the_surface() -> None:
 HEIGHT, WIDTH, TOP = 9, 13, 5
 
 
-def samples() -> np.ndarray:
+def samples():
     """(H, W, 16, 2) places of all samples, rows of samples within a pixel first."""
     steps = (np.arange(SAMPLES) + 0.5) / SAMPLES
     y, x = np.mgrid[:HEIGHT, :WIDTH]
@@ -154,7 +154,7 @@ def samples() -> np.ndarray:
     return np.stack([x[..., None] + sx, y[..., None] + TOP + sy], axis=-1)
 
 
-def inwards(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
+def inwards(corners, points):
     """Distance of points from the nearest edge line of a triangle, negative outside."""
     edges = np.roll(corners, -1, axis=0) - corners
     area = edges[0, 0] * edges[1, 1] - edges[0, 1] * edges[1, 0]
@@ -166,7 +166,7 @@ def inwards(corners: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_faces_cover_the_samples_inside_them(seed: int) -> None:
+def test_faces_cover_the_samples_inside_them(seed):
     random = np.random.default_rng(seed)
     # Small, large, thin, and partly outside.
     sizes = random.choice([0.3, 2.0, 30.0], (6, 1, 1)) * random.choice([1.0, 0.01], (6, 1, 2))
@@ -185,7 +185,7 @@ def test_faces_cover_the_samples_inside_them(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_lines_cover_the_samples_near_them(seed: int) -> None:
+def test_lines_cover_the_samples_near_them(seed):
     random = np.random.default_rng(seed)
     ends = (random.random((4, 2, 2)) * 2.0 - 0.5) * [WIDTH, HEIGHT] + [0, TOP]
     ends[1, :, seed % 2] = ends[1, 0, seed % 2]  # along an axis
@@ -201,7 +201,7 @@ def test_lines_cover_the_samples_near_them(seed: int) -> None:
     np.testing.assert_array_equal(masks, expected)
 
 
-def test_of_many_layers_some_dozens_are_mixed() -> None:
+def test_of_many_layers_some_dozens_are_mixed():
     """A thousand faces over everything, every fourth red: so a quarter of the sum is."""
     whole = np.array([[-99.0, -99.0], [99.0, -99.0], [0.0, 199.0]])
     colors = np.zeros((1000, 3))
@@ -213,7 +213,7 @@ def test_of_many_layers_some_dozens_are_mixed() -> None:
     assert sums[0, 0, 0] / sums[0, 0, 3] == 0.25
 
 
-def test_a_face_over_full_pixels_still_shows_beside_them() -> None:
+def test_a_face_over_full_pixels_still_shows_beside_them():
     left = np.array([[0.0, 0.0], [6.0, 0.0], [0.0, 99.0]])
     pixels = np.concatenate([np.tile(left, (500, 1, 1)), [left * [3.0, 1.0]]])
     colors = np.zeros((501, 3))
@@ -231,7 +231,7 @@ def test_heat_of_a_mesh_whose_areas_cannot_be_computed_is_that_of_faces_without_
     np.testing.assert_array_equal(colors, np.tile(UNMEASURED, (huge.n_faces, 1)))
 
 
-def test_a_line_is_cropped_to_its_ink() -> None:
+def test_a_line_is_cropped_to_its_ink():
     ink = text_coverage("1001", 32)
     assert ink.dtype == np.float32
     assert (ink.min(), ink.max()) == (0.0, 1.0)

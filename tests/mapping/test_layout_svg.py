@@ -11,19 +11,18 @@ from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.layout_view import LayoutWindow, heat_color
 from texbake.mapping.seams import border_edges, seam_edges
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 
 SVG = "{http://www.w3.org/2000/svg}"
 UNITS = 32  # a pixel
 
 
-def layers(document: str) -> dict[str, list[ET.Element]]:
+def layers(document):
     root = ET.fromstring(document)
     return {layer.attrib["id"]: list(layer) for layer in root.iter(f"{SVG}g")}
 
 
-def walks(path: ET.Element) -> list[np.ndarray]:
+def walks(path):
     """Points of each part of a path, in pixels; closed ones end where they begin."""
     parts = []
     for start, steps, end in re.findall(r"M([^lzM]*)l([^zM]*)(z?)", path.attrib["d"]):
@@ -33,7 +32,7 @@ def walks(path: ET.Element) -> list[np.ndarray]:
     return parts
 
 
-def area(path: ET.Element) -> float:
+def area(path):
     """Signed, y down, so that it is negative for loops that are counter-clockwise to the eye."""
     total = 0.0
     for x, y in (walk.T for walk in walks(path)):
@@ -41,14 +40,14 @@ def area(path: ET.Element) -> float:
     return total
 
 
-def grid_with_a_hole() -> Mesh:
+def grid_with_a_hole():
     mesh = plane(4, 4)
     kept = np.ones(32, dtype=bool)
     kept[[12, 13, 20]] = False
     return mesh.replace(faces=mesh.faces[kept], uv_faces=mesh.faces[kept])
 
 
-def test_a_chart_is_one_outline_with_its_holes() -> None:
+def test_a_chart_is_one_outline_with_its_holes():
     found = layers(layout_svg(grid_with_a_hole(), 256))
     (chart,) = found["charts"]
     assert chart.attrib["id"] == "chart-0"
@@ -56,7 +55,7 @@ def test_a_chart_is_one_outline_with_its_holes() -> None:
     assert area(chart) == pytest.approx(-(256.0**2) * 29 / 32)
 
 
-def sides_of_a_brick() -> Mesh:
+def sides_of_a_brick():
     """Six charts of different sizes, one of them mirrored, and two with a seam to each neighbor."""
     mesh = cube()
     corners = (
@@ -70,14 +69,14 @@ def sides_of_a_brick() -> Mesh:
     return mesh.replace(uvs=corners.reshape(-1, 2), uv_faces=each)
 
 
-def edges_of(corners: np.ndarray) -> Counter:
+def edges_of(corners):
     """Edges between points in units of the document, whichever way they are walked."""
     points = np.rint(corners * UNITS).astype(int).tolist()
     return Counter(frozenset(map(tuple, (p[i], p[i - 1]))) for p in points for i in range(3))
 
 
 @pytest.mark.parametrize("heat", [False, True])
-def test_faces_have_the_colors_of_the_picture(heat: bool) -> None:
+def test_faces_have_the_colors_of_the_picture(heat):
     mesh = sides_of_a_brick()
     picture = draw_layout(mesh, 200, heat=heat)[:200] ** (1 / 2.2)
     found = layers(layout_svg(mesh, 200, heat=heat))
@@ -100,7 +99,7 @@ def test_faces_have_the_colors_of_the_picture(heat: bool) -> None:
 
 
 @pytest.mark.parametrize("mesh", [grid_with_a_hole(), sides_of_a_brick()], ids=["hole", "brick"])
-def test_each_edge_is_one_stroke_of_its_kind(mesh: Mesh) -> None:
+def test_each_edge_is_one_stroke_of_its_kind(mesh):
     found = layers(layout_svg(mesh, 256))
     pixels = LayoutWindow.around(mesh.corner_uvs(), 256).pixels(mesh.corner_uvs())
     ends = np.stack([pixels, np.roll(pixels, -1, axis=1)], axis=2)
@@ -127,13 +126,13 @@ def test_each_edge_is_one_stroke_of_its_kind(mesh: Mesh) -> None:
     assert looks["edges"]["stroke-width"] == "22.4"  # 0.7 of 32 units
 
 
-def test_edges_are_left_out_where_triangles_are_too_small_to_see_them() -> None:
+def test_edges_are_left_out_where_triangles_are_too_small_to_see_them():
     # Faces of side a have an opacity of 0.45 a / 12: below 0.03 where a is less than 0.8 pixels.
     assert "edges" in layers(layout_svg(plane(75, 75), 64))
     assert "edges" not in layers(layout_svg(plane(85, 85), 64))
 
 
-def test_the_scale_lies_below_the_picture_with_its_figures_at_their_places() -> None:
+def test_the_scale_lies_below_the_picture_with_its_figures_at_their_places():
     for size, left in ((960, 140), (200, 9)):  # without words where there is no room
         document = ET.fromstring(layout_svg(plane(2, 2), size, heat=True))
         letters = max(9, size // 48)
@@ -154,7 +153,7 @@ def test_the_scale_lies_below_the_picture_with_its_figures_at_their_places() -> 
         ]
 
 
-def test_a_surface_folded_in_the_texture_is_a_chart_and_red_where_it_lies_face_down() -> None:
+def test_a_surface_folded_in_the_texture_is_a_chart_and_red_where_it_lies_face_down():
     # Seen from above a closed surface has no border in the texture; its sides have no area there.
     mesh = cube()
     uvs = mesh.positions[:, :2] - mesh.bounds[0, :2]
@@ -166,7 +165,7 @@ def test_a_surface_folded_in_the_texture_is_a_chart_and_red_where_it_lies_face_d
     assert mirrored.attrib["fill"] != chart.attrib["fill"]
 
 
-def test_tiles_are_named() -> None:
+def test_tiles_are_named():
     mesh = plane()
     assert mesh.uvs is not None
     document = layout_svg(mesh.replace(uvs=mesh.uvs + np.array([1.0, 1.0])), 512)
@@ -185,14 +184,14 @@ def test_tiles_are_named() -> None:
     assert (corners.min(axis=0).tolist(), corners.max(axis=0).tolist()) == ([256, 0], [512, 256])
 
 
-def test_a_hundred_thousand_triangles_take_few_megabytes() -> None:
+def test_a_hundred_thousand_triangles_take_few_megabytes():
     mesh = uv_sphere(224, 224)
     assert mesh.n_faces > 99_000
     for heat in False, True:
         assert len(layout_svg(mesh, 2048, heat=heat)) < 2_500_000
 
 
-def test_coordinates_as_large_as_a_float32_end_in_a_document() -> None:
+def test_coordinates_as_large_as_a_float32_end_in_a_document():
     mesh = plane()
     assert mesh.uvs is not None
     found = layers(layout_svg(mesh.replace(uvs=mesh.uvs * 1e38), 64))
@@ -200,7 +199,7 @@ def test_coordinates_as_large_as_a_float32_end_in_a_document() -> None:
     assert area(found["charts"][0]) == pytest.approx(-(64.0**2))
 
 
-def test_names_cannot_break_the_document() -> None:
+def test_names_cannot_break_the_document():
     name = "<a & 'b'>\x00\udcff.obj"
     root = ET.fromstring(layout_svg(plane().replace(name=name)).encode())
     title = root.find(f"{SVG}title")
@@ -208,7 +207,7 @@ def test_names_cannot_break_the_document() -> None:
     assert title.text == "<a & 'b'>.obj"
 
 
-def test_without_area_or_coordinates() -> None:
+def test_without_area_or_coordinates():
     blank = plane().replace(uvs=np.zeros((1, 2)), uv_faces=np.zeros((2, 3), dtype=np.int32))
     assert ET.fromstring(layout_svg(blank)).tag == f"{SVG}svg"
     with pytest.raises(UvError, match="no texture coordinates"):

@@ -12,17 +12,17 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 
 
-def bare(mesh: Mesh) -> Mesh:
+def bare(mesh):
     return mesh.replace(uvs=None, uv_faces=None)
 
 
-def edges_of(mesh: Mesh, marked: np.ndarray) -> np.ndarray:
+def edges_of(mesh, marked):
     """Pairs of vertices of marked half-edges."""
     faces, corners = np.nonzero(marked)
     return np.stack([mesh.faces[faces, corners], mesh.faces[faces, (corners + 1) % 3]], axis=1)
 
 
-def meridian(mesh: Mesh) -> np.ndarray:
+def meridian(mesh):
     """(E, 2) edges of a sphere from pole to pole, in the plane z = 0, x > 0."""
     on = np.flatnonzero((np.abs(mesh.positions[:, 2]) < 1e-9) & (mesh.positions[:, 0] > -1e-9))
     on = on[np.argsort(mesh.positions[on, 1], kind="stable")]
@@ -31,7 +31,7 @@ def meridian(mesh: Mesh) -> np.ndarray:
     return pairs[np.linalg.norm(steps, axis=1) > 1e-9]
 
 
-def torus(n: int = 24, m: int = 16) -> Mesh:
+def torus(n=24, m=16):
     """A torus whose texture coordinates are those of a sheet rolled up twice."""
     sheet = plane(n, m)
     u, v = 2.0 * np.pi * sheet.uvs.T
@@ -44,7 +44,7 @@ def torus(n: int = 24, m: int = 16) -> Mesh:
     )
 
 
-def n_overlapping(report) -> int:
+def n_overlapping(report):
     return report.distortion.n_overlapping + report.distortion.n_mirrored
 
 

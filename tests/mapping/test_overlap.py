@@ -11,7 +11,7 @@ from texbake.mesh.shapes import plane
 Array = npt.NDArray[np.float64]
 
 
-def common_area(one: Array, other: Array) -> float:
+def common_area(one, other):
     """Area of what two triangles share, by clipping one with the edges of the other."""
     polygon = [tuple(point) for point in one]
     if np.linalg.det(other[1:] - other[0]) < 0.0:
@@ -36,7 +36,7 @@ def common_area(one: Array, other: Array) -> float:
 
 @settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.6))
-def test_agrees_with_the_area_that_clipping_leaves(seed: int, size: float) -> None:
+def test_agrees_with_the_area_that_clipping_leaves(seed, size):
     random = np.random.default_rng(seed)
     # On a lattice of 1/64 an overlap is deep or is none: nothing hangs on the tolerance.
     corners = random.random((24, 1, 2)) + (random.random((24, 3, 2)) - 0.5) * size
@@ -52,7 +52,7 @@ def test_agrees_with_the_area_that_clipping_leaves(seed: int, size: float) -> No
 
 
 @pytest.mark.parametrize("n_copies", [1, 2, 5])
-def test_copies_of_a_square_need_as_many_layers(n_copies: int) -> None:
+def test_copies_of_a_square_need_as_many_layers(n_copies):
     square = plane().corner_uvs()
     corners = np.tile(square, (n_copies, 1, 1))
     layers = overlap_layers(corners, np.zeros(2 * n_copies, dtype=np.int32), depth=1e-6)
@@ -61,7 +61,7 @@ def test_copies_of_a_square_need_as_many_layers(n_copies: int) -> None:
 
 @settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
-def test_layers_are_the_lowest_that_faces_before_leave_free(seed: int, n_charts: int) -> None:
+def test_layers_are_the_lowest_that_faces_before_leave_free(seed, n_charts):
     random = np.random.default_rng(seed)
     corners = random.random((24, 1, 2)) + (random.random((24, 3, 2)) - 0.5) * 0.4
     corners = np.round(corners * 64.0) / 64.0  # an overlap is deep or is none
@@ -82,13 +82,13 @@ def test_layers_are_the_lowest_that_faces_before_leave_free(seed: int, n_charts:
 
 
 @pytest.mark.parametrize(("shift", "overlaps"), [(0.0, False), (5e-7, False), (1e-5, True)])
-def test_neighbors_touch_until_one_is_moved_into_the_other(shift: float, overlaps: bool) -> None:
+def test_neighbors_touch_until_one_is_moved_into_the_other(shift, overlaps):
     square = plane().corner_uvs()
     beside = square + np.array([1.0 - shift, 0.0])
     assert find_overlaps(np.concatenate([square, beside])).overlapping.any() == overlaps
 
 
-def test_coordinates_of_float32_far_from_the_unit_square_only_touch() -> None:
+def test_coordinates_of_float32_far_from_the_unit_square_only_touch():
     grid = (
         (plane(20, 20).corner_uvs() + np.array([913.0, 77.0])).astype(np.float32).astype(np.float64)
     )
@@ -96,7 +96,7 @@ def test_coordinates_of_float32_far_from_the_unit_square_only_touch() -> None:
     assert not find_overlaps(split).overlapping.any()
 
 
-def test_a_stack_and_faces_on_one_point() -> None:
+def test_a_stack_and_faces_on_one_point():
     # 20,000 faces on one another are 200 million pairs; one each is enough.
     stack = np.tile(np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]), (20_000, 1, 1))
     found = find_overlaps(stack)
@@ -106,7 +106,7 @@ def test_a_stack_and_faces_on_one_point() -> None:
     assert not find_overlaps(np.zeros((0, 3, 2))).overlapping.any()
 
 
-def test_slivers_along_a_diagonal_and_around_a_point_only_touch() -> None:
+def test_slivers_along_a_diagonal_and_around_a_point_only_touch():
     turn = np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     strip = plane(20_000, 1).corner_uvs() * [0.7, 0.5] @ turn.T
     angles = np.linspace(0.0, 2.0 * np.pi, 2001)
@@ -121,7 +121,7 @@ def test_slivers_along_a_diagonal_and_around_a_point_only_touch() -> None:
     assert covered.overlapping.all()
 
 
-def test_a_check_that_would_take_too_long_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_check_that_would_take_too_long_is_reported(monkeypatch):
     monkeypatch.setattr(overlap, "_MOST_PAIRS", 0)
     monkeypatch.setattr(overlap, "_LEAST_PAIRS_OF_A_FACE", 4)
     angles = np.linspace(0.1, 1.3, 101)
@@ -135,18 +135,18 @@ def test_a_check_that_would_take_too_long_is_reported(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("far", [1e9, 1e160, 1e200, 1.7e308])
-def test_any_size_is_taken(far: float) -> None:
+def test_any_size_is_taken(far):
     """One grid at any size, and two of them shifted by half a cell, where depth is relative."""
     grid = plane(4, 4).corner_uvs() * far
     assert not find_overlaps(grid).overlapping.any()
     assert find_overlaps(np.concatenate([grid, grid * 0.9])).overlapping.all()
 
 
-def test_simplified_faces_that_leave_the_layout_are_counted() -> None:
+def test_simplified_faces_that_leave_the_layout_are_counted():
     square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
 
-    def mesh(uvs: np.ndarray) -> Mesh:
+    def mesh(uvs):
         return Mesh(positions=np.c_[square, np.zeros(4)], faces=faces, uvs=uvs, uv_faces=faces)
 
     mirrored = square.copy()

@@ -10,14 +10,14 @@ from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
-from texbake.mapping.atlas.packing.pack import Packing, pack_charts
+from texbake.mapping.atlas.packing.pack import pack_charts
 from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
 
 
-def triangles(seed: int, n_charts: int) -> tuple[Array, Ints, Ints]:
+def triangles(seed, n_charts):
     """Charts of one triangle each, of sizes from 1 to 10 and any shape."""
     random = np.random.default_rng(seed)
     corners = random.random((n_charts, 3, 2)) * random.uniform(1.0, 10.0, (n_charts, 1, 1))
@@ -26,7 +26,7 @@ def triangles(seed: int, n_charts: int) -> tuple[Array, Ints, Ints]:
     return corners.reshape(-1, 2), faces, np.repeat(np.arange(n_charts, dtype=np.int32), 3)
 
 
-def touched_texels(corners: Array, size: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def touched_texels(corners, size):
     """(H, W): texels with a point of the triangles in them, out of points a tenth texel apart."""
     mask = np.zeros(size[::-1], dtype=bool)
     for corner in corners * size:
@@ -42,9 +42,7 @@ def touched_texels(corners: Array, size: tuple[int, int]) -> npt.NDArray[np.bool
     return mask
 
 
-def assert_kept_apart(
-    packing: Packing, faces: Ints, chart_ids: Ints, size: tuple[int, int], padding: int
-) -> None:
+def assert_kept_apart(packing, faces, chart_ids, size, padding):
     face_charts = chart_ids[faces[:, 0]]
     masks = [
         touched_texels(packing.uvs[faces[face_charts == chart]], size)
@@ -69,9 +67,7 @@ def assert_kept_apart(
     st.integers(0, 5),
     st.sampled_from(["fast", "good", "best"]),
 )
-def test_charts_are_kept_apart_and_keep_their_shape(
-    seed: int, n_charts: int, size: tuple[int, int], padding: int, effort: str
-) -> None:
+def test_charts_are_kept_apart_and_keep_their_shape(seed, n_charts, size, padding, effort):
     uvs, faces, chart_ids = triangles(seed, n_charts)
     packing = pack_charts(uvs, faces, chart_ids, size=size, padding=padding, effort=effort)
     assert_kept_apart(packing, faces, chart_ids, size, padding)
@@ -86,15 +82,15 @@ def test_charts_are_kept_apart_and_keep_their_shape(
     assert packing.fill == pytest.approx(areas.sum() / (size[0] * size[1]))
 
 
-def test_cells_of_several_texels_keep_charts_apart_as_well() -> None:
+def test_cells_of_several_texels_keep_charts_apart_as_well():
     size = (1200, 150)  # cells of 2 texels
     uvs, faces, chart_ids = triangles(1, 8)
     packing = pack_charts(uvs, faces, chart_ids, size=size, padding=3)
     assert_kept_apart(packing, faces, chart_ids, size, 3)
 
 
-def test_small_charts_go_into_the_hole_of_a_large_one() -> None:
-    def ring(inner: float) -> Array:
+def test_small_charts_go_into_the_hole_of_a_large_one():
+    def ring(inner):
         outer = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
         return np.concatenate([outer, 0.5 + (outer - 0.5) * inner])
 
@@ -113,7 +109,7 @@ def test_small_charts_go_into_the_hole_of_a_large_one() -> None:
     assert_kept_apart(packing, faces, chart_ids, (128, 128), 1)
 
 
-def test_thousands_of_charts_go_a_faster_way_and_are_kept_apart() -> None:
+def test_thousands_of_charts_go_a_faster_way_and_are_kept_apart():
     uvs, faces, chart_ids = triangles(2, 1100)
     packing = pack_charts(uvs, faces, chart_ids, size=(512, 512), padding=1)
     corners = packing.uvs[faces]
@@ -122,7 +118,7 @@ def test_thousands_of_charts_go_a_faster_way_and_are_kept_apart() -> None:
     assert packing.fill > 0.25  # of 1,100 triangles of some 10 texels, with gaps of 2
 
 
-def test_the_result_is_the_same_every_time() -> None:
+def test_the_result_is_the_same_every_time():
     charts = triangles(3, 20)
     packings = [
         pack_charts(*charts, size=(128, 128), padding=2, effort="best", threads=threads)
@@ -131,7 +127,7 @@ def test_the_result_is_the_same_every_time() -> None:
     assert len({packing.uvs.tobytes() for packing in packings}) == 1
 
 
-def test_more_effort_fills_more() -> None:
+def test_more_effort_fills_more():
     charts = triangles(6, 40)
     fills = [
         pack_charts(*charts, size=(384, 384), padding=1, effort=effort).fill
@@ -141,7 +137,7 @@ def test_more_effort_fills_more() -> None:
     assert (np.diff(fills) > 0.01).all()
 
 
-def rectangles(widths: Array, heights: Array) -> tuple[Array, Ints, Ints]:
+def rectangles(widths, heights):
     """One chart each: two triangles."""
     n_charts = len(widths)
     unit = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
@@ -152,7 +148,7 @@ def rectangles(widths: Array, heights: Array) -> tuple[Array, Ints, Ints]:
 
 
 @pytest.mark.parametrize("effort", ["fast", "good"])
-def test_squares_that_fill_a_square_leave_only_their_gaps(effort: str) -> None:
+def test_squares_that_fill_a_square_leave_only_their_gaps(effort):
     # 16 equal ones, and a large one with 12 small ones around two sides of it and 1 corner each.
     for sides in ([1.0] * 16, [3.0] + [1.0] * 7):
         packing = pack_charts(
@@ -164,7 +160,7 @@ def test_squares_that_fill_a_square_leave_only_their_gaps(effort: str) -> None:
         assert side * 0.992 - 1.0 <= packing.texels_per_unit <= side
 
 
-def test_a_chart_without_area_takes_a_place_all_the_same() -> None:
+def test_a_chart_without_area_takes_a_place_all_the_same():
     uvs = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.3, 0.3]])
     faces = np.array([[0, 1, 2], [3, 3, 3]], dtype=np.int32)
     packing = pack_charts(uvs, faces, np.array([0, 0, 0, 1], np.int32), size=(32, 32), padding=1)
@@ -177,24 +173,24 @@ def test_a_chart_without_area_takes_a_place_all_the_same() -> None:
 SIZE = (128, 96)
 
 
-def mixed(seed: int, n_charts: int) -> tuple[Array, Ints, Ints]:
+def mixed(seed, n_charts):
     random = np.random.default_rng(seed)
     return rectangles(*random.uniform(1.0, 5.0, (2, n_charts)))
 
 
-def assert_in_their_tiles(packing: Packing, chart_ids: Ints, padding: int) -> None:
+def assert_in_their_tiles(packing, chart_ids, padding):
     corner = np.stack([packing.tiles % 10, packing.tiles // 10], axis=1)[chart_ids]
     texels = (packing.uvs - corner) * SIZE
     assert (texels >= padding).all()
     assert (texels <= np.array(SIZE) - padding).all()
 
 
-def areas_in_texels(packing: Packing, faces: Ints) -> Array:
+def areas_in_texels(packing, faces):
     return signed_areas(packing.uvs[faces] * SIZE)
 
 
 @pytest.mark.parametrize("effort", ["fast", "good"])
-def test_more_tiles_hold_larger_charts(effort: str) -> None:
+def test_more_tiles_hold_larger_charts(effort):
     uvs, faces, chart_ids = mixed(1, 60)
     one, three, twelve = (
         pack_charts(uvs, faces, chart_ids, size=SIZE, padding=1, tiles=tiles, effort=effort)
@@ -214,7 +210,7 @@ def test_more_tiles_hold_larger_charts(effort: str) -> None:
     assert twelve.uvs[:, 1].max() > 1.0  # tiles 1011 and 1012 lie above 1001 and 1002
 
 
-def test_charts_of_a_tile_do_not_overlap() -> None:
+def test_charts_of_a_tile_do_not_overlap():
     uvs, faces, chart_ids = mixed(2, 40)
     packing = pack_charts(uvs, faces, chart_ids, size=SIZE, padding=2, tiles=3)
     side_by_side = replace(packing, uvs=packing.uvs / (3.0, 1.0))
@@ -222,7 +218,7 @@ def test_charts_of_a_tile_do_not_overlap() -> None:
 
 
 @pytest.mark.parametrize("density", [None, 3.0])
-def test_groups_have_tiles_of_their_own_and_one_density(density: float | None) -> None:
+def test_groups_have_tiles_of_their_own_and_one_density(density):
     uvs, faces, chart_ids = mixed(3, 60)
     groups = np.array([0, 2, 2], dtype=np.int32)[np.arange(60) % 3]  # no chart in group 1
     packing = pack_charts(
@@ -237,7 +233,7 @@ def test_groups_have_tiles_of_their_own_and_one_density(density: float | None) -
         assert packing.n_tiles == 4 + len(np.unique(packing.tiles[groups == 0]))
 
 
-def test_a_density_is_kept_and_takes_no_more_tiles_than_it_needs() -> None:
+def test_a_density_is_kept_and_takes_no_more_tiles_than_it_needs():
     uvs, faces, chart_ids = mixed(4, 40)
     area = float(signed_areas(uvs[faces]).sum())
     for share in (0.3, 0.6, 1.2, 3.0):  # of the area of a tile
@@ -250,7 +246,7 @@ def test_a_density_is_kept_and_takes_no_more_tiles_than_it_needs() -> None:
         assert (np.unique(packing.tiles) == np.arange(packing.n_tiles)).all()
 
 
-def test_a_density_that_needs_more_tiles_reports_how_many() -> None:
+def test_a_density_that_needs_more_tiles_reports_how_many():
     charts = rectangles(np.full(10, 6.0), np.full(10, 6.0))
     # At 10 texels per unit two of 60 x 60 fit side by side into 128 x 96, but not on top.
     needed = r"cup: at 10 texels per unit the charts need 5 tiles of "
@@ -260,7 +256,7 @@ def test_a_density_that_needs_more_tiles_reports_how_many() -> None:
     assert packing.n_tiles == 5
 
 
-def test_a_chart_larger_than_a_tile_names_the_size_that_it_needs() -> None:
+def test_a_chart_larger_than_a_tile_names_the_size_that_it_needs():
     charts = rectangles(np.array([6.0, 20.0]), np.array([6.0, 15.0]))
     with pytest.raises(UnwrapError, match=r"cup: at 10 texels .* 200 texels long.* size of 206 or"):
         pack_charts(*charts, size=SIZE, padding=2, density=10.0, tiles=4, name="cup")
@@ -268,14 +264,14 @@ def test_a_chart_larger_than_a_tile_names_the_size_that_it_needs() -> None:
     assert packing.n_tiles == 2
 
 
-def test_too_many_charts_for_all_tiles() -> None:
+def test_too_many_charts_for_all_tiles():
     with pytest.raises(UnwrapError, match="90 charts do not fit into 2 tiles of 128 x 96 texels"):
         pack_charts(*mixed(5, 90), size=SIZE, padding=8, tiles=2)
     with pytest.raises(UnwrapError, match="do not fit into 128 x 96 texels with a padding of 60"):
         pack_charts(*mixed(5, 2), size=SIZE, padding=60)
 
 
-def test_tens_of_thousands_of_charts_go_the_fastest_way() -> None:
+def test_tens_of_thousands_of_charts_go_the_fastest_way():
     random = np.random.default_rng(7)
     charts = rectangles(*np.exp(random.normal(0.0, 0.5, (2, 9000))))
     packing = pack_charts(*charts, size=(2048, 2048), padding=1)
@@ -284,14 +280,14 @@ def test_tens_of_thousands_of_charts_go_the_fastest_way() -> None:
 
 
 @pytest.mark.parametrize(("n_groups", "tiles"), [(9000, 1), (90, 100)])
-def test_more_tiles_than_udim_numbers_are_refused(n_groups: int, tiles: int) -> None:
+def test_more_tiles_than_udim_numbers_are_refused(n_groups, tiles):
     uvs, faces, chart_ids = mixed(4, n_groups)
     groups = np.arange(n_groups, dtype=np.int32)
     with pytest.raises(UnwrapError, match=r"are 9,000 tiles, more than 1,000"):
         pack_charts(uvs, faces, chart_ids, size=SIZE, padding=1, tiles=tiles, tile_groups=groups)
 
 
-def peak_memory(charts: tuple[Array, Ints, Ints], effort: str) -> tuple[Packing, int]:
+def peak_memory(charts, effort):
     """The packing, and the most bytes of arrays at any one time while it was made."""
     tracemalloc.start()
     try:
@@ -305,9 +301,7 @@ def peak_memory(charts: tuple[Array, Ints, Ints], effort: str) -> tuple[Packing,
 @pytest.mark.parametrize(
     ("n_long", "n_squares"), [(1, 0), (1, 12), (40, 3), (600, 0)], ids=lambda count: f"{count}"
 )
-def test_memory_does_not_grow_with_the_length_of_charts(
-    n_long: int, n_squares: int, effort: str
-) -> None:
+def test_memory_does_not_grow_with_the_length_of_charts(n_long, n_squares, effort):
     n_charts = n_long + n_squares
     side = np.ones(n_charts)
     moderate, absurd = (

@@ -9,17 +9,17 @@ from texbake.mapping.atlas.cutting.parts import (
     split_parts,
 )
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, plane
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 
 
-def opposite_of(faces: IntArray) -> IntArray:
+def opposite_of(faces):
     return opposite_half_edges(faces)
 
 
-def divided(mesh: Mesh, part_faces: int) -> tuple[IntArray, IntArray]:
+def divided(mesh, part_faces):
     faces = weld_rows(mesh.positions)[mesh.faces]
     opposite = opposite_of(faces)
     labels = divide_parts(
@@ -33,14 +33,14 @@ def divided(mesh: Mesh, part_faces: int) -> tuple[IntArray, IntArray]:
     return labels, opposite
 
 
-def sphere(n: int, noise: float = 0.0) -> Mesh:
+def sphere(n, noise=0.0):
     positions, faces = _geodesic_sphere(n)
     radii = 1.0 + noise * np.random.default_rng(1).standard_normal(len(positions))
     return Mesh(positions=positions * radii[:, None] / 2.0, faces=faces)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_parts_are_connected_and_of_like_size(noise: float) -> None:
+def test_parts_are_connected_and_of_like_size(noise):
     mesh = sphere(24, noise)  # 11,520 faces
     labels, opposite = divided(mesh, 1000)
     sizes = np.bincount(labels)
@@ -51,7 +51,7 @@ def test_parts_are_connected_and_of_like_size(noise: float) -> None:
     assert merged_labels(len(labels), inside // 3, opposite[inside] // 3).max() + 1 == len(sizes)
 
 
-def test_borders_lie_on_creases() -> None:
+def test_borders_lie_on_creases():
     # A strip with a right angle in it, four tenths along.
     mesh = plane(40, 20)
     folded = mesh.positions.copy()
@@ -63,7 +63,7 @@ def test_borders_lie_on_creases() -> None:
     assert np.bincount(labels * 2 + sides, minlength=4).min() == 0  # none is on both sides
 
 
-def test_parts_do_not_depend_on_rounding() -> None:
+def test_parts_do_not_depend_on_rounding():
     mesh = sphere(24)
     labels, _ = divided(mesh, 1000)
     moved = mesh.positions + 2.0**-20 * np.random.default_rng(2).choice(
@@ -72,7 +72,7 @@ def test_parts_do_not_depend_on_rounding() -> None:
     assert np.array_equal(divided(mesh.replace(positions=moved), 1000)[0], labels)
 
 
-def test_split_parts_hang_together_as_the_whole_did() -> None:
+def test_split_parts_hang_together_as_the_whole_did():
     mesh = sphere(6)
     opposite = opposite_of(mesh.faces)
     labels = (np.arange(mesh.n_faces) % 3 - 1).astype(np.int32)  # a third is left out
@@ -83,11 +83,11 @@ def test_split_parts_hang_together_as_the_whole_did() -> None:
         assert np.array_equal(part.opposite, opposite_of(mesh.faces[part.face_ids]))
 
 
-def whole(faces: IntArray) -> Part:
+def whole(faces):
     return Part(face_ids=np.arange(len(faces), dtype=np.int32), opposite=opposite_of(faces))
 
 
-def test_thousands_of_small_pieces_share_batches() -> None:
+def test_thousands_of_small_pieces_share_batches():
     faces = np.arange(30_000, dtype=np.int32).reshape(-1, 3)
     points = np.random.default_rng(3).random((30_000, 3))
     regions = np.zeros(len(faces), dtype=np.int32)
@@ -96,7 +96,7 @@ def test_thousands_of_small_pieces_share_batches() -> None:
     assert np.array_equal(np.sort(np.concatenate(batches)), np.arange(len(faces)))
 
 
-def test_batches_hold_one_region_and_one_part_of_a_large_piece() -> None:
+def test_batches_hold_one_region_and_one_part_of_a_large_piece():
     mesh = sphere(16)  # 5,120 faces
     faces = np.concatenate([mesh.faces, np.arange(300).reshape(-1, 3) + mesh.n_vertices])
     points = np.concatenate([mesh.positions, np.random.default_rng(3).random((300, 3))])

@@ -162,14 +162,14 @@ def test_a_face_is_edge_on_by_its_longest_edge_whichever_comes_first(first):
     assert mapped(mesh).tallies == {"faces seen edge-on": 1}
 
 
-def test_without_a_map_coordinates_are_the_parameters_bit_by_bit() -> None:
+def test_without_a_map_coordinates_are_the_parameters_bit_by_bit():
     mesh = uv_sphere(6, 9)
     found = parametric(mesh, UnwrapOptions(method="parametric"))
     assert np.array_equal(found.corners, mesh.corner_uvs())
     assert found.tallies == {}
 
 
-def test_the_linear_map_is_that_of_its_six_numbers() -> None:
+def test_the_linear_map_is_that_of_its_six_numbers():
     mesh = plane(3, 5)  # (u, v) = (x, y)
     linear = (2.0, -1.0, 0.25, 0.5, 3.0, -7.0)
     found = parametric(mesh, UnwrapOptions(method="parametric", linear=linear))
@@ -178,12 +178,12 @@ def test_the_linear_map_is_that_of_its_six_numbers() -> None:
     assert np.array_equal(found.corners[..., 1], 0.5 * x + 3.0 * y - 7.0)
 
 
-def test_a_mesh_without_parameters_is_an_error() -> None:
+def test_a_mesh_without_parameters_is_an_error():
     with pytest.raises(UvError, match="no texture coordinates"):
         parametric(cube(), UnwrapOptions(method="parametric"))
 
 
-def test_coordinates_that_overflow_are_one_error() -> None:
+def test_coordinates_that_overflow_are_one_error():
     mesh = plane().replace(uvs=plane().uvs * 1e200)
     options = UnwrapOptions(method="parametric", linear=(1e200, 0.0, 0.0, 0.0, 1.0, 0.0))
     with pytest.raises(OptionError, match="that are not finite"):

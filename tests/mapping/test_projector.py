@@ -1,16 +1,11 @@
 """Projector mapping: the camera of previews, matrices, and what is not seen."""
 
-from __future__ import annotations
-
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from tests.models import flipped, joined, moved
 from texbake.errors import FileFormatError, OptionError
 from texbake.mapping.classical.projector import mostly_hidden, projector, read_matrix
-from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
@@ -23,11 +18,11 @@ from texbake.rendering.options import RenderOptions
 DOWN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
 
-def cast(mesh: Mesh, **options: object) -> Projected:
+def cast(mesh, **options):
     return projector(mesh, UnwrapOptions(method="projector", **options))
 
 
-def lopsided() -> Mesh:
+def lopsided():
     return moved(icosphere(3), scale=(1.0, 2.0, 0.5), by=(3.0, -2.0, 7.0))
 
 
@@ -35,9 +30,7 @@ def lopsided() -> Mesh:
     ("camera", "fov"),
     [((0.0, 0.0), 35.0), ((30.0, 20.0), 50.0), ((-200.0, 90.0), 20.0), ((70.0, -30.0, 9.0), 80.0)],
 )
-def test_the_camera_stands_where_that_of_a_preview_does(
-    camera: tuple[float, ...], fov: float
-) -> None:
+def test_the_camera_stands_where_that_of_a_preview_does(camera, fov):
     mesh = lopsided()
     options = RenderOptions(view=camera, fov=fov, width=100, height=100)  # type: ignore[arg-type]
     clip = Camera.framing(mesh, options=options).clip_from_world(1.0)
@@ -49,7 +42,7 @@ def test_the_camera_stands_where_that_of_a_preview_does(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_a_matrix_agrees_with_numpy(seed: int) -> None:
+def test_a_matrix_agrees_with_numpy(seed):
     rng = np.random.default_rng(seed)
     mesh = icosphere(2)
     matrix = rng.normal(size=(4, 4))
@@ -61,7 +54,7 @@ def test_a_matrix_agrees_with_numpy(seed: int) -> None:
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
 
 
-def test_a_constant_q_divides_whatever_its_sign() -> None:
+def test_a_constant_q_divides_whatever_its_sign():
     mesh = moved(cube(), scale=0.5, by=0.5)
     for q in (1.0, 4.0, -2.0):
         scaled = tuple(tuple(q * value for value in row) for row in DOWN)
@@ -70,7 +63,7 @@ def test_a_constant_q_divides_whatever_its_sign() -> None:
         assert "faces behind the projector" not in found.tallies
 
 
-def test_faces_of_a_convex_mesh_toward_the_projector_are_seen() -> None:
+def test_faces_of_a_convex_mesh_toward_the_projector_are_seen():
     mesh = icosphere(3)
     distance = 4.0  # all of it is in the picture
     found = cast(mesh, camera=(0.0, 0.0, distance))
@@ -81,7 +74,7 @@ def test_faces_of_a_convex_mesh_toward_the_projector_are_seen() -> None:
     assert np.array_equal(aside, ~facing)
 
 
-def test_the_square_that_is_lit_casts_its_shadow_in_perspective() -> None:
+def test_the_square_that_is_lit_casts_its_shadow_in_perspective():
     # The light is at (1/2, 1/2, 2), so that a square of 1/4 at z = 1 shades one of 1/2 at z = 0.
     before = moved(plane(), scale=(0.25, 0.25, 1.0), by=(0.375, 0.375, 1.0))
     depth = (0.0, 0.0, -1.0, 2.0)
@@ -90,7 +83,7 @@ def test_the_square_that_is_lit_casts_its_shadow_in_perspective() -> None:
     assert found.tallies == {"faces hidden": 32}  # 4 x 4 squares of 8 x 8
 
 
-def test_hidden_faces_are_those_that_brute_force_finds() -> None:
+def test_hidden_faces_are_those_that_brute_force_finds():
     rng = np.random.default_rng(5)
     corners = rng.uniform(-0.5, 0.5, (60, 1, 3)) + rng.normal(0.0, 0.15, (60, 3, 3))
     positions = corners.reshape(-1, 3)
@@ -117,7 +110,7 @@ def test_hidden_faces_are_those_that_brute_force_finds() -> None:
             assert np.array_equal(found, expected)
 
 
-def test_r_gives_the_side_from_which_parallel_light_comes() -> None:
+def test_r_gives_the_side_from_which_parallel_light_comes():
     up = (*DOWN[:2], (0.0, 0.0, 1.0, 0.0), DOWN[3])
     silent = (*DOWN[:2], (0.0, 0.0, 0.0, 0.0), DOWN[3])
     mirrored = ((-1.0, 0.0, 0.0, 1.0), *DOWN[1:])
@@ -132,7 +125,7 @@ def test_r_gives_the_side_from_which_parallel_light_comes() -> None:
         assert cast(plane(), matrix=matrix).tallies.get("faces turned away", 0) == n_away
 
 
-def test_aside_stays_out_of_the_picture_and_project_leaves_all() -> None:
+def test_aside_stays_out_of_the_picture_and_project_leaves_all():
     mesh = moved(icosphere(2), scale=3.0, by=0.0)  # larger than the picture
     aside = cast(mesh, matrix=DOWN).corners
     left = aside[..., 0].max(axis=1) <= 0.0
@@ -144,7 +137,7 @@ def test_aside_stays_out_of_the_picture_and_project_leaves_all() -> None:
     assert left[~facing].all()
 
 
-def test_a_projector_inside_the_mesh_lights_the_faces_before_it() -> None:
+def test_a_projector_inside_the_mesh_lights_the_faces_before_it():
     room = flipped(icosphere(3))
     found = cast(room, camera=(0.0, 0.0, 1e-9), fov=90.0)
     assert np.isfinite(found.corners).all()
@@ -154,7 +147,7 @@ def test_a_projector_inside_the_mesh_lights_the_faces_before_it() -> None:
     assert sum(outside.tallies.values()) == room.n_faces  # none is lit from its back
 
 
-def test_corners_in_the_plane_of_the_projector_are_finite() -> None:
+def test_corners_in_the_plane_of_the_projector_are_finite():
     sideways = (
         (1.0, 0.0, 0.0, 0.0),
         (0.0, 1.0, 0.0, 0.0),
@@ -174,7 +167,7 @@ def test_corners_in_the_plane_of_the_projector_are_finite() -> None:
         (((1e308, 0.0, 0.0, 0.0), *DOWN[1:3], (0.0, 0.0, 0.0, 1e-308)), "not finite"),
     ],
 )
-def test_a_matrix_without_a_picture_is_one_error(matrix: object, message: str) -> None:
+def test_a_matrix_without_a_picture_is_one_error(matrix, message):
     with pytest.raises(OptionError, match=message):
         cast(plane(), matrix=matrix)
 
@@ -190,12 +183,12 @@ ROWS = ((1.0, 0.0, 0.0, 0.5), (0.0, 1.0, 0.0, 0.5), (0.0, 0.0, 1.0, 0.0), (0.0, 
         "# a slide\n1 0 0 .5 # first\r\n0 1 0 5e-1 0 0 1 0\n\n0 0 -1 2",
     ],
 )
-def test_sixteen_numbers_row_by_row(text: str, tmp_path: Path) -> None:
+def test_sixteen_numbers_row_by_row(text, tmp_path):
     (tmp_path / "m.txt").write_text(text)
     assert read_matrix(tmp_path / "m.txt") == ROWS
 
 
-def test_a_matrix_of_three_rows_gives_s_t_and_q(tmp_path: Path) -> None:
+def test_a_matrix_of_three_rows_gives_s_t_and_q(tmp_path):
     """The 3 x 4 matrix of a camera places the same coordinates as the 4 x 4 one without its r."""
     three = (ROWS[0], ROWS[1], ROWS[3])
     (tmp_path / "m.txt").write_text("\n".join(" ".join(map(str, row)) for row in three))
@@ -218,7 +211,7 @@ def test_a_matrix_of_three_rows_gives_s_t_and_q(tmp_path: Path) -> None:
         (b"\xff\xfe\x00" * 99, "is not a matrix"),
     ],
 )
-def test_anything_else_is_one_error(data: bytes, message: str, tmp_path: Path) -> None:
+def test_anything_else_is_one_error(data, message, tmp_path):
     (tmp_path / "m.txt").write_bytes(data)
     with pytest.raises(FileFormatError, match=message):
         read_matrix(tmp_path / "m.txt")
@@ -239,7 +232,7 @@ def test_a_face_that_the_rays_pass_along_is_turned_away_whatever_its_first_corne
     assert found.tallies == {"faces turned away": 1}
 
 
-def test_the_size_of_the_third_row_changes_nothing() -> None:
+def test_the_size_of_the_third_row_changes_nothing():
     rows = np.array([[1.0, 0, 0, 0.5], [0, 1.0, 0, 0.5], [0, 0, 1.0, 0], [0, 0, 0, 1.0]])
     mesh = icosphere(1)
     near, far = (

@@ -1,11 +1,9 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import repair_charts
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import find_overlaps
@@ -15,7 +13,7 @@ from texbake.mesh.shapes import plane
 NO_CHART = 2**32 - 1
 
 
-def repaired(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts | None:
+def repaired(mesh, uvs, chart_ids):
     """Repair coordinates that are stored per vertex."""
     return repair_charts(
         mesh.positions[mesh.faces],
@@ -32,9 +30,7 @@ def repaired(mesh: Mesh, uvs: npt.ArrayLike, chart_ids: npt.ArrayLike) -> Charts
     st.booleans(),
     st.floats(-50.0, 50.0),
 )
-def test_a_linear_map_of_a_flat_chart_is_undone(
-    a: float, b: float, shear: float, mirror: bool, offset: float
-) -> None:
+def test_a_linear_map_of_a_flat_chart_is_undone(a, b, shear, mirror, offset):
     mesh = plane(4, 3)
     assert mesh.uvs is not None
     matrix = np.array([[a, shear], [0.0, b]]) @ np.diag([-1.0 if mirror else 1.0, 1.0])
@@ -53,7 +49,7 @@ def test_a_linear_map_of_a_flat_chart_is_undone(
     assert (charts.n_charts, charts.n_ignored, charts.n_split) == (1, 0, 0)
 
 
-def test_every_chart_gets_its_own_map() -> None:
+def test_every_chart_gets_its_own_map():
     square = plane()
     assert square.uvs is not None
     both = np.concatenate([square.faces, square.faces + 4])
@@ -67,18 +63,18 @@ def test_every_chart_gets_its_own_map() -> None:
     assert areas == pytest.approx([0.5, 0.5, 0.125, 0.125], rel=1e-6)
 
 
-def test_no_chart_at_all() -> None:
+def test_no_chart_at_all():
     assert repaired(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
 
 
-def test_faces_of_a_chart_without_area_become_charts_of_their_own() -> None:
+def test_faces_of_a_chart_without_area_become_charts_of_their_own():
     for uvs in np.zeros((4, 2)), plane().uvs * [1.0, 0.0]:
         charts = repaired(plane(), uvs, np.zeros(4))
         assert charts is not None and charts.n_charts == 2
         assert signed_areas(charts.uvs[charts.faces]) == pytest.approx([0.5, 0.5], rel=1e-12)
 
 
-def test_a_folded_face_is_laid_out_for_itself() -> None:
+def test_a_folded_face_is_laid_out_for_itself():
     mesh = plane(3, 3)
     assert mesh.uvs is not None
     uvs = mesh.uvs.copy()
@@ -95,7 +91,7 @@ def test_a_folded_face_is_laid_out_for_itself() -> None:
     assert charts.n_ignored == 0
 
 
-def test_a_chart_that_lies_on_itself_is_taken_apart() -> None:
+def test_a_chart_that_lies_on_itself_is_taken_apart():
     # Two squares one above the other, joined by a face that stands upright between them.
     square = plane()
     assert square.uvs is not None
@@ -110,7 +106,7 @@ def test_a_chart_that_lies_on_itself_is_taken_apart() -> None:
     assert charts.chart_ids[charts.faces[:, 0]].tolist() == [0, 0, 1, 1]
 
 
-def test_a_mirrored_sliver_becomes_a_point() -> None:
+def test_a_mirrored_sliver_becomes_a_point():
     width = 2.0**-20
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, -width, 0]],

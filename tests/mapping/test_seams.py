@@ -9,7 +9,7 @@ from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.mesh.topology import edge_ids
 
 
-def cube_of_squares() -> Mesh:
+def cube_of_squares():
     """The cube with a chart for each side."""
     corners = np.tile(plane().corner_uvs(), (6, 1, 1)) * 0.1
     corners += np.repeat(np.arange(6), 2)[:, None, None] * 0.15
@@ -18,14 +18,14 @@ def cube_of_squares() -> Mesh:
     )
 
 
-def test_a_cube_cut_along_all_its_edges() -> None:
+def test_a_cube_cut_along_all_its_edges():
     mesh = cube_of_squares()
     assert chart_ids(mesh).tolist() == np.repeat(np.arange(6), 2).tolist()
     assert border_edges(mesh).sum() == 6 * 4
     assert seam_length(mesh) == 12.0
 
 
-def test_a_sphere_cut_from_pole_to_pole() -> None:
+def test_a_sphere_cut_from_pole_to_pole():
     n_lat, n_lon = 24, 48
     mesh = uv_sphere(n_lat, n_lon)
     # A half circle of chords, and at each pole every face's own corner cuts the edges to it.
@@ -35,7 +35,7 @@ def test_a_sphere_cut_from_pole_to_pole() -> None:
     assert seam_length(mesh) == pytest.approx(expected, rel=1e-12)
 
 
-def test_faces_that_touch_at_a_corner_are_two_charts() -> None:
+def test_faces_that_touch_at_a_corner_are_two_charts():
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]],
         faces=[[0, 1, 2], [0, 3, 4]],
@@ -45,7 +45,7 @@ def test_faces_that_touch_at_a_corner_are_two_charts() -> None:
     assert chart_ids(mesh).tolist() == [0, 1]
 
 
-def test_both_sides_of_a_cut_are_seams_and_the_ends_of_the_surface_are_none() -> None:
+def test_both_sides_of_a_cut_are_seams_and_the_ends_of_the_surface_are_none():
     mesh = plane(2, 1)
     assert mesh.uvs is not None
     apart = mesh.corner_uvs().copy()
@@ -63,7 +63,7 @@ def test_both_sides_of_a_cut_are_seams_and_the_ends_of_the_surface_are_none() ->
     assert not seam_edges(cut, only_left).any()
 
 
-def test_edges_are_numbered_without_gaps_and_faces_in_their_order() -> None:
+def test_edges_are_numbered_without_gaps_and_faces_in_their_order():
     random = np.random.default_rng(1)
     faces = random.integers(0, 40, (60, 3))
     edges = edge_ids(faces)

@@ -13,13 +13,13 @@ GRID = plane(4, 3)
 ISLAND = GRID.replace(uvs=0.1 + 0.5 * GRID.uvs * [1.0, 0.8] + 0.1 * GRID.uvs[:, :1] * GRID.uvs)
 
 
-def other_diagonals(mesh: Mesh) -> Mesh:
+def other_diagonals(mesh):
     a, b, c, d = mesh.faces[::2, 0], mesh.faces[::2, 1], mesh.faces[::2, 2], mesh.faces[1::2, 2]
     faces = np.concatenate([np.stack([a, b, d], axis=1), np.stack([b, c, d], axis=1)])
     return mesh.replace(faces=faces, uv_faces=faces)
 
 
-def beside(*islands: Mesh) -> Mesh:
+def beside(*islands):
     """One mesh of several, a unit apart, each a group."""
     starts = np.cumsum([0, *(mesh.n_vertices for mesh in islands)])
     faces = np.concatenate([m.faces + s for m, s in zip(islands, starts, strict=False)])
@@ -34,7 +34,7 @@ def beside(*islands: Mesh) -> Mesh:
     )
 
 
-def moved(s: float, t: float) -> Mesh:
+def moved(s, t):
     return ISLAND.replace(uvs=ISLAND.uvs + np.array([s, t]))
 
 
@@ -66,21 +66,21 @@ OTHERS = {
 
 
 @pytest.mark.parametrize("name", ALIKE)
-def test_islands_that_coincide_share_texels(name: str) -> None:
+def test_islands_that_coincide_share_texels(name):
     first, later = np.split(StackedIslands.of(beside(ISLAND, ALIKE[name])).shares, 2)
     assert not first.any()
     assert later.all()
 
 
 @pytest.mark.parametrize("name", OTHERS)
-def test_islands_that_only_overlap_do_not(name: str) -> None:
+def test_islands_that_only_overlap_do_not(name):
     mesh = beside(ISLAND, OTHERS[name])
     found = StackedIslands.of(mesh)
     assert not found.stacked.any()
     assert found.baked(mesh) is mesh
 
 
-def test_a_chart_folded_over_is_two_islands() -> None:
+def test_a_chart_folded_over_is_two_islands():
     sheet = plane(4, 2)
     uvs = np.abs(sheet.uvs - [0.5, 0.0])
     shares = StackedIslands.of(sheet.replace(uvs=uvs)).shares
@@ -92,7 +92,7 @@ def test_a_chart_folded_over_is_two_islands() -> None:
     ("named", "baked"),
     [((), 1), (("part2",), 2), (("0",), 0), (("50",), 2), (("part0", "part2"), 0)],
 )
-def test_which_island_is_baked(named: tuple[str, ...], baked: int) -> None:
+def test_which_island_is_baked(named, baked):
     """The first in the tile, or the first of those named; it is moved into the tile."""
     outside = moved(1, 0)
     mesh = beside(outside, ISLAND, ISLAND)
@@ -104,6 +104,6 @@ def test_which_island_is_baked(named: tuple[str, ...], baked: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["part7", "72", "-1"])
-def test_an_unknown_island_is_an_error(name: str) -> None:
+def test_an_unknown_island_is_an_error(name):
     with pytest.raises(OptionError, match="name a face from 0 to 71, or one of its groups part0"):
         StackedIslands.of(beside(ISLAND, ISLAND, ISLAND), (name,))

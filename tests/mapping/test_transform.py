@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ from texbake.mesh.shapes import icosphere, plane
 POINTS = np.random.default_rng(5).random((40, 3, 2)) * 3 - 1
 
 
-def test_default_options_change_no_bit() -> None:
+def test_default_options_change_no_bit():
     assert np.array_equal(transform_uvs(POINTS, UnwrapOptions()), POINTS)
 
 
@@ -39,13 +37,13 @@ def test_default_options_change_no_bit() -> None:
         ({"flip": "s", "rotate": 90, "scale": 2}, (1.0, 1.5)),  # in this order
     ],
 )
-def test_each_step_and_their_order(changes: dict[str, object], expected: object) -> None:
+def test_each_step_and_their_order(changes, expected):
     point = np.array([[0.25, 0.5]])
     assert transform_uvs(point, UnwrapOptions(**changes)).tolist() == [list(expected)]  # type: ignore[arg-type, call-overload]
 
 
 @pytest.mark.parametrize("degrees", [30.0, 90.0, 180.0, -135.0])
-def test_a_rotation_turns_counter_clockwise_about_the_middle(degrees: float) -> None:
+def test_a_rotation_turns_counter_clockwise_about_the_middle(degrees):
     before, after = (
         (points - 0.5) @ [1.0, 1.0j]
         for points in (POINTS, transform_uvs(POINTS, UnwrapOptions(rotate=degrees)))
@@ -55,19 +53,19 @@ def test_a_rotation_turns_counter_clockwise_about_the_middle(degrees: float) -> 
 
 @pytest.mark.parametrize("size", [1024, (2048, 256)])
 @pytest.mark.parametrize("method", ["planar", "atlas"])
-def test_the_mesh_has_the_requested_texel_density(size: object, method: str) -> None:
+def test_the_mesh_has_the_requested_texel_density(size, method):
     options = UnwrapOptions(method=method, size=size, texel_density=90.0)  # type: ignore[arg-type]
     mesh = plane(4, 4) if method == "planar" else icosphere(2)
     assert distortion(unwrap(mesh, options), size).texel_density == pytest.approx(90.0, rel=1e-3)  # type: ignore[arg-type]
 
 
-def test_no_area_has_no_density() -> None:
+def test_no_area_has_no_density():
     line = Mesh(positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0]], faces=[[0, 1, 2]])
     with pytest.raises(UvError, match="no area"):
         scale_to_density(line, np.zeros((1, 3, 2)), UnwrapOptions(texel_density=1.0))
 
 
-def test_an_offset_is_added_last() -> None:
+def test_an_offset_is_added_last():
     mesh = plane(2, 2)
     moved = unwrap(mesh, method="parametric", scale=3.0, offset=(1.0, -2.0))
     assert moved.corner_uvs() == pytest.approx(mesh.corner_uvs() * 3.0 + [1.0, -2.0])
@@ -76,14 +74,14 @@ def test_an_offset_is_added_last() -> None:
 GRID = np.stack(np.meshgrid(np.linspace(0, 1, 81), np.linspace(0, 1, 81)), axis=-1).reshape(-1, 2)
 
 
-def jacobians(warp, step: float = 1e-6) -> np.ndarray:  # type: ignore[no-untyped-def]
+def jacobians(warp, step=1e-6):  # type: ignore[no-untyped-def]
     """Determinants by central differences."""
     ds, dt = ((warp(GRID + e) - warp(GRID - e)) / (2 * step) for e in step * np.eye(2))
     return ds[:, 0] * dt[:, 1] - ds[:, 1] * dt[:, 0]
 
 
 @pytest.mark.parametrize("degrees", [90.0, -200.0])
-def test_a_twirl_turns_the_middle_and_keeps_areas(degrees: float) -> None:
+def test_a_twirl_turns_the_middle_and_keeps_areas(degrees):
     near = np.array([[0.5 + 1e-9, 0.5]])
     turned = (twirl(near, degrees) - 0.5) / 1e-9
     angle = np.radians(degrees)
@@ -94,35 +92,35 @@ def test_a_twirl_turns_the_middle_and_keeps_areas(degrees: float) -> None:
 
 
 @pytest.mark.parametrize("strength", [0.99, 0.5, -0.5, -1.24])
-def test_a_bulge_scales_the_middle_and_never_folds(strength: float) -> None:
+def test_a_bulge_scales_the_middle_and_never_folds(strength):
     near = np.array([[0.5, 0.5 + 1e-9]])
     assert (bulge(near, strength) - 0.5)[0, 1] / 1e-9 == pytest.approx(1 - strength, rel=1e-6)
     assert (jacobians(lambda p: bulge(p, strength)) > 0).all()
 
 
 @pytest.mark.parametrize("warp", [lambda p: twirl(p, 200.0), lambda p: bulge(p, -1.0)])
-def test_round_warps_keep_points_outside_bit_for_bit(warp) -> None:  # type: ignore[no-untyped-def]
+def test_round_warps_keep_points_outside_bit_for_bit(warp):  # type: ignore[no-untyped-def]
     outside = GRID[np.hypot(*(GRID - 0.5).T) >= 0.5]
     assert len(outside) > 1000
     assert np.array_equal(warp(outside), outside)
 
 
-def test_a_power_works_within_each_tile() -> None:
+def test_a_power_works_within_each_tile():
     points = np.array([[0.25, -1.5], [2.25, 1.0]])
     assert power(points, 2.0) == pytest.approx(np.array([[0.0625, -1.75], [2.0625, 1.0]]))
     assert np.array_equal(power(GRID, 1.0), GRID)
 
 
-def test_names_have_strengths() -> None:
+def test_names_have_strengths():
     for name, strength in WARPS.items():
         assert np.array_equal(warp_uvs(GRID, name), warp_uvs(GRID, (name, strength)))
         assert not np.array_equal(warp_uvs(GRID, name), GRID)
 
 
-def test_a_function_is_called_with_a_copy() -> None:
+def test_a_function_is_called_with_a_copy():
     before = GRID.copy()
 
-    def shifted(points: np.ndarray) -> np.ndarray:
+    def shifted(points):
         points += 1.0
         return points
 
@@ -139,6 +137,6 @@ def test_a_function_is_called_with_a_copy() -> None:
         (lambda p: p * np.nan, "not finite"),
     ],
 )
-def test_a_function_that_returns_something_else_is_one_error(function, message) -> None:  # type: ignore[no-untyped-def]
+def test_a_function_that_returns_something_else_is_one_error(function, message):  # type: ignore[no-untyped-def]
     with pytest.raises(OptionError, match=message):
         warp_uvs(GRID, function)

@@ -11,12 +11,10 @@ from texbake.mapping.classical.cylindrical import cylindrical, spherical
 from texbake.mapping.classical.frames import LocalPoints
 from texbake.mapping.classical.intermediate import (
     Box,
-    IntermediateSurface,
     surface_around,
 )
 from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.two_part import two_part
-from texbake.mapping.corner_uvs import Projected
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
@@ -27,13 +25,13 @@ directions = st.tuples(*[st.floats(-1.0, 1.0)] * 3).filter(lambda v: math.hypot(
 centers = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 
 
-def mapped(mesh: Mesh, surface: str, via: str, **options: object) -> Projected:
+def mapped(mesh, surface, via, **options):
     if via == "reflection":
         options.setdefault("eye", EYE)
     return two_part(mesh, UnwrapOptions(method="two-part", surface=surface, via=via, **options))
 
 
-def soup(seed: int, n_faces: int = 40) -> Mesh:
+def soup(seed, n_faces=40):
     """Triangles anywhere: each corner has the normal of its face."""
     rng = np.random.default_rng(seed)
     corners = rng.uniform(-1.0, 1.0, (n_faces, 1, 3)) + rng.normal(0.0, 0.1, (n_faces, 3, 3))
@@ -66,7 +64,7 @@ def test_pairs_that_are_one_of_the_other_mappings(
     assert surface == "plane" or found.tallies == expected.tallies
 
 
-def ray_directions(mesh: Mesh, via: str, corners: np.ndarray) -> np.ndarray:
+def ray_directions(mesh, via, corners):
     """(F, 3, 3) of a soup about the origin, after the formulas of the paper."""
     if via == "centroid":
         return corners
@@ -79,13 +77,13 @@ def ray_directions(mesh: Mesh, via: str, corners: np.ndarray) -> np.ndarray:
     return 2.0 * (normals * v).sum(axis=2, keepdims=True) * normals - v
 
 
-def s_and_t(angle: np.ndarray, t: np.ndarray) -> np.ndarray:
+def s_and_t(angle, t):
     return np.stack([0.5 + angle / (2.0 * np.pi), t], axis=-1)
 
 
 @pytest.mark.parametrize("via", ["object-normal", "centroid", "reflection"])
 @pytest.mark.parametrize("surface", ["plane", "cylinder", "sphere"])
-def test_pairs_against_closed_forms(surface: str, via: str) -> None:
+def test_pairs_against_closed_forms(surface, via):
     mesh = soup(3, 400)
     corners = mesh.positions[mesh.faces]
     along = ray_directions(mesh, via, corners)
@@ -118,7 +116,7 @@ def test_pairs_against_closed_forms(surface: str, via: str) -> None:
     assert np.abs(difference).max() <= 1e-9
 
 
-def test_a_reflection_by_hand() -> None:
+def test_a_reflection_by_hand():
     # A floor at z = 0 that looks up to the eye at (0, 0, 2), and a ceiling at z = 3: what the point
     # (a, b, 0) mirrors to the eye lies above (a, b) (1 + 3 / 2).
     floor = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
@@ -132,7 +130,7 @@ def test_a_reflection_by_hand() -> None:
     }
 
 
-def test_a_cube_by_the_normals_of_its_box_fills_six_equal_squares() -> None:
+def test_a_cube_by_the_normals_of_its_box_fills_six_equal_squares():
     mesh = cube()
     found = mapped(mesh, "box", "surface-normal")
     assert found.tallies == {}
@@ -148,7 +146,7 @@ def test_a_cube_by_the_normals_of_its_box_fills_six_equal_squares() -> None:
     assert len(middles) == len({tuple(middle) for middle in middles.values()}) == 6
 
 
-def test_faces_turned_away_from_the_plane_take_its_nearest_points() -> None:
+def test_faces_turned_away_from_the_plane_take_its_nearest_points():
     mesh = plane(3, 3)
     away = Mesh(positions=mesh.positions, faces=mesh.faces[:, ::-1])
     found = mapped(away, "plane", "object-normal")
@@ -157,7 +155,7 @@ def test_faces_turned_away_from_the_plane_take_its_nearest_points() -> None:
     assert mapped(mesh, "plane", "object-normal").tallies == {}
 
 
-def test_smooth_normals_lead_the_rays_even_where_a_mesh_has_its_own() -> None:
+def test_smooth_normals_lead_the_rays_even_where_a_mesh_has_its_own():
     mesh = icosphere(1)
     wrong = mesh.replace(normals=[[1.0, 0.0, 0.0]], normal_faces=np.zeros_like(mesh.faces))
     assert np.array_equal(
@@ -166,16 +164,16 @@ def test_smooth_normals_lead_the_rays_even_where_a_mesh_has_its_own() -> None:
     )
 
 
-def box_options() -> UnwrapOptions:
+def box_options():
     return UnwrapOptions(method="two-part", surface="box")
 
 
-def around(surface: str, points: np.ndarray, faces: np.ndarray) -> IntermediateSurface:
+def around(surface, points, faces):
     options = UnwrapOptions(method="two-part", surface=surface)
     return surface_around(LocalPoints(points, 1.0, 1e-15), faces, options)
 
 
-def test_rays_that_miss_a_plane() -> None:
+def test_rays_that_miss_a_plane():
     # Corners of the unit square at height 0, and one point at height 1: the plane is z = 1.
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 1, 2], [1, 2, 3], [0, 1, 4]])
@@ -198,7 +196,7 @@ def test_rays_that_miss_a_plane() -> None:
     assert plane.hits(points, far)[1].tolist() == [False, True, False, True, False]
 
 
-def test_rays_that_miss_a_cylinder() -> None:
+def test_rays_that_miss_a_cylinder():
     points = np.array([[1.0, 0, -1], [0, 1, 1], [0, 0, 0], [0, 0, 0.5]])
     faces = np.array([[0, 1, 2], [1, 2, 3]])
     cylinder = around("cylinder", points, faces)
@@ -210,7 +208,7 @@ def test_rays_that_miss_a_cylinder() -> None:
     np.testing.assert_allclose(hits[2], [1.0, 0.0, 8.9], rtol=1e-14)
 
 
-def test_rays_to_a_pole_end_on_it() -> None:
+def test_rays_to_a_pole_end_on_it():
     points = np.array([[0.3, 0.4, 0.1], [1.0, 0.0, 0.0], [0.0, 0.9, 0.0]])
     sphere = around("sphere", points, np.array([[0, 1, 2]]))
     to_pole = np.array([0.0, 0.0, 1.0]) - points
@@ -225,7 +223,7 @@ def test_rays_to_a_pole_end_on_it() -> None:
 
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=30)
-def test_rays_leave_a_box_through_the_first_of_its_planes(seed: int) -> None:
+def test_rays_leave_a_box_through_the_first_of_its_planes(seed):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(300, 3)) * rng.uniform(0.2, 2.0, 3) + rng.normal(size=3)
     directions = rng.normal(size=(300, 3))
@@ -246,7 +244,7 @@ def test_rays_leave_a_box_through_the_first_of_its_planes(seed: int) -> None:
     np.testing.assert_allclose(mapped.corners, expected, atol=1e-12)
 
 
-def test_a_face_across_an_edge_of_the_box_stays_in_one_cell() -> None:
+def test_a_face_across_an_edge_of_the_box_stays_in_one_cell():
     points = np.array([[1.0, 0.3, 0], [0.3, 1.0, 0], [0.9, 0.2, 0.1], [-1, -1, -1], [1, 1, 1]])
     faces = np.array([[0, 1, 2], [3, 4, 3]])
     local = LocalPoints(points, 1.0, 1e-16)

@@ -2,7 +2,6 @@ import inspect
 import json
 import subprocess
 import sys
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +20,7 @@ from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink
 
 
-def assert_sound(before: Mesh, after: Mesh, padding: int, size: tuple[int, int]) -> None:
+def assert_sound(before, after, padding, size):
     """Check the properties of every unwrapped mesh."""
     assert after.positions is before.positions or np.array_equal(after.positions, before.positions)
     assert np.array_equal(after.faces, before.faces)
@@ -33,7 +32,7 @@ def assert_sound(before: Mesh, after: Mesh, padding: int, size: tuple[int, int])
     assert not find_overlaps(corners).overlapping.any()
 
 
-def grouped(mesh: Mesh) -> Mesh:
+def grouped(mesh):
     """Three bands from bottom to top, as groups."""
     height = mesh.positions[mesh.faces, 1].mean(axis=1)
     groups = np.digitize(height, [-0.4, 0.4]).astype(np.int32)
@@ -42,7 +41,7 @@ def grouped(mesh: Mesh) -> Mesh:
 
 @pytest.mark.parametrize("mesh", [cube(), icosphere(3), grid_sphere(20, 40), plane(5, 5)])
 @pytest.mark.parametrize("size", [256, (512, 128)])
-def test_made_meshes(mesh: Mesh, size: int | tuple[int, int]) -> None:
+def test_made_meshes(mesh, size):
     unwrapped, report = unwrap_with_report(mesh, size=size, padding=3)
     assert_sound(mesh, unwrapped, 3, (size, size) if isinstance(size, int) else size)
     found = report.distortion
@@ -53,7 +52,7 @@ def test_made_meshes(mesh: Mesh, size: int | tuple[int, int]) -> None:
     assert found.stretch.symmetric_dirichlet < 4.15
 
 
-def test_two_shells_in_one_place_get_coordinates_of_their_own() -> None:
+def test_two_shells_in_one_place_get_coordinates_of_their_own():
     shell = icosphere(2)
     twice = Mesh(
         positions=np.concatenate([shell.positions, shell.positions]),
@@ -64,7 +63,7 @@ def test_two_shells_in_one_place_get_coordinates_of_their_own() -> None:
     assert report.distortion.n_measured == 2 * shell.n_faces
 
 
-def test_options_and_changes_say_the_same() -> None:
+def test_options_and_changes_say_the_same():
     mesh = icosphere(1)
     first = unwrap(mesh, UnwrapOptions(size=128, padding=2))
     second = unwrap(mesh, UnwrapOptions(size=4096, padding=2), size=128)
@@ -73,18 +72,18 @@ def test_options_and_changes_say_the_same() -> None:
         unwrap(mesh, size=0)
 
 
-def test_the_report_is_json_and_the_stages_are_announced() -> None:
+def test_the_report_is_json_and_the_stages_are_announced():
     class Listener(ProgressSink):
-        def __init__(self) -> None:
+        def __init__(self):
             self.stages: list[str] = []
 
-        def started(self, stage: str, total: int | None, unit: str) -> None:
+        def started(self, stage, total, unit):
             self.stages.append(stage)
 
-        def advanced(self, stage: str, done: int) -> None:
+        def advanced(self, stage, done):
             pass
 
-        def finished(self, stage: str, seconds: float) -> None:
+        def finished(self, stage, seconds):
             pass
 
     listener = Listener()
@@ -105,7 +104,7 @@ def test_the_report_is_json_and_the_stages_are_announced() -> None:
     ("name", "least_fill"),
     [("figure", 0.67), ("bracket", 0.65), *(("pairs/spot/low.obj", 0.67),) * HAS_REAL],
 )
-def test_figures_and_parts(name: str, least_fill: float) -> None:
+def test_figures_and_parts(name, least_fill):
     mesh = model(name)
     unwrapped, report = unwrap_with_report(mesh, size=1024, padding=1)
     assert_sound(mesh, unwrapped, 1, (1024, 1024))
@@ -114,15 +113,15 @@ def test_figures_and_parts(name: str, least_fill: float) -> None:
     assert report.distortion.n_measured == mesh.n_faces
 
 
-def test_a_function_is_given_by_its_name() -> None:
-    def shear(points: np.ndarray) -> np.ndarray:
+def test_a_function_is_given_by_its_name():
+    def shear(points):
         return points @ [[1.0, 0.0], [0.5, 1.0]]
 
     _, report = unwrap_with_report(icosphere(1), method="spherical", warp=shear)
     assert report.to_json()["options"]["warp"] == "shear"
 
 
-def test_several_meshes_share_one_texture_at_one_density() -> None:
+def test_several_meshes_share_one_texture_at_one_density():
     small, large = cube(), icosphere(2)
     large = large.replace(positions=3.0 * large.positions)
     results = unwrap_together([small, large], size=512, padding=2)
@@ -134,7 +133,7 @@ def test_several_meshes_share_one_texture_at_one_density() -> None:
     assert densities[0] == pytest.approx(densities[1], rel=1e-3)
 
 
-def test_groups_get_tiles_of_their_own() -> None:
+def test_groups_get_tiles_of_their_own():
     mesh = grouped(icosphere(3))
     mapped, report = unwrap_with_report(mesh, size=256, padding=2, by_group=True)
     tiles = np.floor(mapped.corner_uvs()).astype(int)
@@ -145,20 +144,20 @@ def test_groups_get_tiles_of_their_own() -> None:
     assert report.distortion.n_tiles == 3
 
 
-def test_more_tiles_hold_more_texels() -> None:
+def test_more_tiles_hold_more_texels():
     mesh = icosphere(3)
     one, four = (unwrap_with_report(mesh, size=256, tiles=n)[1].distortion for n in (1, 4))
     assert four.n_tiles > 1
     assert four.texel_density > 1.5 * one.texel_density
 
 
-def test_no_chart_stretches_more_than_promised() -> None:
+def test_no_chart_stretches_more_than_promised():
     _, report = unwrap_with_report(icosphere(3), max_stretch=1.002)
     assert max(chart.l2_alone for chart in report.distortion.charts) <= 1.002
     assert report.notes == ()
 
 
-def test_only_an_atlas_takes_several_meshes() -> None:
+def test_only_an_atlas_takes_several_meshes():
     with pytest.raises(OptionError, match="box maps one mesh at a time"):
         unwrap_together([cube(), cube()], method="box")
     with pytest.raises(OptionError, match="there are none"):
@@ -167,20 +166,20 @@ def test_only_an_atlas_takes_several_meshes() -> None:
 
 @pytest.mark.parametrize("scale", [1e-300, 1e160, 1e300])
 @pytest.mark.parametrize("method", ["atlas", "spherical"])
-def test_sizes_whose_areas_float64_cannot_hold_are_one_error(scale: float, method: str) -> None:
+def test_sizes_whose_areas_float64_cannot_hold_are_one_error(scale, method):
     mesh = icosphere(1)
     with pytest.raises(MeshError, match="its areas cannot be computed; scale it first"):
         unwrap(mesh.replace(positions=mesh.positions * scale), method=method)
 
 
-def test_coordinates_far_beyond_any_texture_are_refused() -> None:
+def test_coordinates_far_beyond_any_texture_are_refused():
     with pytest.raises(OptionError, match="up to 1e\\+300 tiles from the origin"):
         unwrap(plane(), method="planar", offset=(1e300, 0.0))
     corners = unwrap(plane(), method="planar", offset=(1e12 - 1.0, 0.0)).corner_uvs()
     assert corners.max() == 1e12
 
 
-def test_a_mesh_that_a_mapping_flattens_still_gets_its_coordinates() -> None:
+def test_a_mesh_that_a_mapping_flattens_still_gets_its_coordinates():
     mesh = plane(2, 2)  # seen edge-on
     mapped, report = unwrap_with_report(mesh, method="planar", axis="x")
     assert mapped.uvs is not None and np.isfinite(mapped.uvs).all()
@@ -190,7 +189,7 @@ def test_a_mesh_that_a_mapping_flattens_still_gets_its_coordinates() -> None:
     assert json.loads(json.dumps(report.to_json(), allow_nan=False))["distortion"] is None
 
 
-def test_groups_are_kept_apart_though_their_charts_were_one() -> None:
+def test_groups_are_kept_apart_though_their_charts_were_one():
     mesh = plane(2, 2).replace(face_groups=[0, 1] * 4, group_names=("x", "y"))
     mapped, report = unwrap_with_report(mesh, keep=True, by_group=True, size=128)
     tiles = np.floor(mapped.corner_uvs()[:, 0, 0]).astype(int)
@@ -199,19 +198,19 @@ def test_groups_are_kept_apart_though_their_charts_were_one() -> None:
 
 
 @pytest.mark.parametrize("quality", ["good", "best"])
-def test_a_single_face_is_no_reason_to_search(quality: str) -> None:
+def test_a_single_face_is_no_reason_to_search(quality):
     mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]])
     one, fast = (unwrap(mesh, quality=name) for name in (quality, "fast"))
     assert np.array_equal(one.corner_uvs(), fast.corner_uvs())
 
 
-def test_too_many_groups_are_refused_before_the_work() -> None:
+def test_too_many_groups_are_refused_before_the_work():
     mesh = icosphere(3)
     names = tuple(f"part {i}" for i in range(mesh.n_faces))
     crowd = mesh.replace(face_groups=np.arange(mesh.n_faces), group_names=names)
 
     class NoWork(ProgressSink):
-        def started(self, stage: str, total: int | None, unit: str) -> None:
+        def started(self, stage, total, unit):
             raise AssertionError(stage)
 
     with pytest.raises(UnwrapError, match="are 1,280 tiles, more than 1,000"):
@@ -279,16 +278,16 @@ def test_parametrize_is_called_and_answers_as_xatlas_does(arrays):
         ({"method": "cylindrical", "theta": (0.0, 1e-320)}, "theta: .* is an empty range"),
     ],
 )
-def test_a_value_that_cannot_be_is_one_clear_error(values: dict[str, Any], message: str) -> None:
+def test_a_value_that_cannot_be_is_one_clear_error(values, message):
     with pytest.raises(OptionError, match=message):
         UnwrapOptions(**values)
 
 
-def test_numbers_of_numpy_are_numbers() -> None:
+def test_numbers_of_numpy_are_numbers():
     center = tuple(np.float32([1, 2, 3]))
     assert UnwrapOptions(method="spherical", center=center).center == (1.0, 2.0, 3.0)
 
 
-def test_defaults_are_read_without_loading_numpy() -> None:
+def test_defaults_are_read_without_loading_numpy():
     code = "import sys, texbake.mapping.options; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0

@@ -8,14 +8,14 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere
 
 
-def test_a_cube_comes_apart_in_its_sides() -> None:
+def test_a_cube_comes_apart_in_its_sides():
     mesh = cube()
     faces, uvs, ids = plain_charts(mesh.positions, mesh.faces)
     assert np.bincount(ids).tolist() == [4] * 6
     assert signed_areas(uvs[faces]) == pytest.approx(np.full(12, 0.5))
 
 
-def test_no_face_is_mirrored_or_squashed() -> None:
+def test_no_face_is_mirrored_or_squashed():
     mesh = grid_sphere(24, 48)
     faces, uvs, ids = plain_charts(mesh.positions, mesh.faces)
     ratios = signed_areas(uvs[faces]) / surface_areas(mesh.positions[mesh.faces])
@@ -24,14 +24,14 @@ def test_no_face_is_mirrored_or_squashed() -> None:
     assert ids.max() + 1 <= 12
 
 
-def test_charts_are_connected() -> None:
+def test_charts_are_connected():
     mesh = grid_sphere(16, 32)
     faces, uvs, ids = plain_charts(mesh.positions, mesh.faces)
     found = chart_ids(mesh.replace(uvs=uvs, uv_faces=faces))
     assert found.max() == ids.max()
 
 
-def test_faces_without_area_are_charts_of_their_own() -> None:
+def test_faces_without_area_are_charts_of_their_own():
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 1, 3]]
     )

@@ -1,7 +1,5 @@
 """Meshes joined, and moved by affine maps."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st

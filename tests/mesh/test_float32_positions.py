@@ -1,7 +1,5 @@
 """Formats of float32 refuse meshes whose vertices would fall together in it."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,7 +10,7 @@ from texbake.mesh.shapes import icosphere
 
 @pytest.mark.parametrize("suffix", [".glb", ".stl", ".usda", " quantized.glb"])
 @pytest.mark.parametrize("scale", [1e-50, 1e-45, 1e39, 1e50])
-def test_sizes_that_float32_does_not_hold(suffix: str, scale: float, tmp_path: Path) -> None:
+def test_sizes_that_float32_does_not_hold(suffix, scale, tmp_path):
     ball = icosphere(2)
     options = {"quantize": True} if "quantized" in suffix else {}
     with pytest.raises(MeshError, match="float32"):
@@ -24,14 +22,14 @@ def test_sizes_that_float32_does_not_hold(suffix: str, scale: float, tmp_path: P
 
 @pytest.mark.parametrize("suffix", [".glb", ".stl", ".usda"])
 @pytest.mark.parametrize("scale", [1e-37, 1.0, 1e37])
-def test_sizes_that_float32_holds(suffix: str, scale: float, tmp_path: Path) -> None:
+def test_sizes_that_float32_holds(suffix, scale, tmp_path):
     ball = icosphere(2)
     write_mesh(ball.replace(positions=ball.positions * scale), tmp_path / f"ball{suffix}")
     back = read_mesh(tmp_path / f"ball{suffix}")
     np.testing.assert_allclose(back.bounds, ball.bounds * scale, rtol=1e-6)
 
 
-def test_a_place_too_far_away_for_stl(tmp_path: Path) -> None:
+def test_a_place_too_far_away_for_stl(tmp_path):
     ball = icosphere(2)
     far = ball.replace(positions=ball.positions + 1e8)
     with pytest.raises(MeshError, match=r"would leave 1 of its 162 vertices.*move it first"):
@@ -39,7 +37,7 @@ def test_a_place_too_far_away_for_stl(tmp_path: Path) -> None:
     write_mesh(far, tmp_path / "ball.glb")  # its node has the place
 
 
-def test_one_place_stays_one(tmp_path: Path) -> None:
+def test_one_place_stays_one(tmp_path):
     """What is degenerate before is no matter of float32."""
     point = icosphere(0)
     point = point.replace(positions=np.full_like(point.positions, 1.0 / 3.0))

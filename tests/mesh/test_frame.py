@@ -14,7 +14,7 @@ CORNERS = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0
 FACES = [[0, 1, 2], [1, 2, 3]]
 
 
-def mesh_of(positions) -> Mesh:
+def mesh_of(positions):
     return Mesh(positions=positions, faces=FACES)
 
 

@@ -11,7 +11,6 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf import read_gltf
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import grid_sphere, plane, uv_sphere
 from texbake.texture.png_files import write_png
 
@@ -31,7 +30,7 @@ def grouped():
     )
 
 
-def triangle_rows(mesh: Mesh) -> np.ndarray:
+def triangle_rows(mesh):
     """All attributes of the corners: rows of triangles, sorted, the least corner first."""
     normals, tangents = mesh.normals[mesh.normal_faces], mesh.tangents
     columns = [mesh.positions[mesh.faces], mesh.corner_uvs(), normals, tangents]

@@ -23,7 +23,7 @@ from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.png_files import png_parts
 
 
-def png(value: int = 128, n: int = 4) -> bytes:
+def png(value=128, n=4):
     return b"".join(png_parts(np.full((4, 4, n), value, np.uint8)))
 
 
@@ -33,7 +33,7 @@ COS, SIN = np.cos(np.pi / 6), np.sin(np.pi / 6)
 TURNED = ((2 * COS, -0.5 * SIN, 0.25), (2 * SIN, 0.5 * COS, -0.5))
 
 
-def full_material(name: str, **image: object) -> MeshMaterial:
+def full_material(name, **image):
     """Every channel of glTF, each with a factor of its own and an image."""
     channels = {}
     textures = {where.texture: png(10 + i) for i, where in enumerate(FILE_CHANNELS.values())}
@@ -47,7 +47,7 @@ def full_material(name: str, **image: object) -> MeshMaterial:
     return MeshMaterial(name=name, channels=channels, alpha_mode="blend", is_double_sided=True)
 
 
-def sphere_of(*materials: MeshMaterial) -> tuple:
+def sphere_of(*materials):
     """A sphere whose faces have the materials by turns, and those with a second UV set."""
     mesh = uv_sphere(6, 8)
     ids = np.sort(np.arange(mesh.n_faces) % len(materials)).astype(np.int32)
@@ -56,7 +56,7 @@ def sphere_of(*materials: MeshMaterial) -> tuple:
     )
 
 
-def assert_equal(back: MeshMaterial, given: MeshMaterial) -> None:
+def assert_equal(back, given):
     plain = {"channels": {}}
     assert replace(back, **plain) == replace(given, **plain)
     assert back.channels.keys() == given.channels.keys()
@@ -165,7 +165,7 @@ def test_webp_is_embedded_and_required(tmp_path):
     assert back.materials[0].channels["base-color"].image.data == data
 
 
-def with_image(channel: str, **fields: object) -> MeshMaterial:
+def with_image(channel, **fields):
     image = ChannelImage(**{"data": png(), "components": (0, 1, 2), **fields})
     source = ChannelSource(CHANNELS[channel].default, image)
     return MeshMaterial(name="wood", channels={channel: source})

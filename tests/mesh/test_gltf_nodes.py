@@ -23,7 +23,7 @@ TRIANGLE = np.array(CORNERS)
 def instances(tmp_path):
     """Write a file whose nodes all place one mesh, node i moved to x = i."""
 
-    def write(n_nodes: int, n_corners: int = 3):
+    def write(n_nodes, n_corners=3):
         file = GltfFile(
             nodes=[{"mesh": 0, "translation": [i, 0, 0]} for i in range(n_nodes)],
             scenes=[{"nodes": list(range(n_nodes))}],
@@ -101,7 +101,7 @@ def test_nodes_may_stand_far_below_each_other(instances):
     np.testing.assert_array_equal(mesh.positions[mesh.faces[-1, 0]], [20_000, 0, 0])
 
 
-def _product(nodes: list[dict], index: int) -> np.ndarray:
+def _product(nodes, index):
     """Matrix of a node to the world, by scipy's rotations."""
     node = nodes[index]
     local = np.eye(4)

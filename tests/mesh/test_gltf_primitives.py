@@ -7,9 +7,8 @@ import pytest
 
 from tests.glb import GltfFile
 from texbake.errors import MeshError, heard_warnings
-from texbake.mesh.compose import MeshPart
 from texbake.mesh.files import gltf_primitives, read_mesh
-from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.verbs.info import info_file
 
@@ -19,12 +18,12 @@ class _Writer(GltfFile):
 
     alignment = 1
 
-    def __init__(self, random: np.random.Generator) -> None:
+    def __init__(self, random):
         super().__init__()
         self.random = random
         self.data = b"abc"
 
-    def add(self, values: np.ndarray, **more) -> int:
+    def add(self, values, **more):
         n_row = values.itemsize * values.shape[1]
         stride = n_row + int(self.random.choice([0, 0, 5]))
         rows = np.zeros((len(values), stride), np.uint8)
@@ -32,12 +31,12 @@ class _Writer(GltfFile):
         view = self.view(rows.tobytes(), **({"byteStride": stride} if stride != n_row else {}))
         return self.accessor(values, values.dtype.char, bufferView=view, **more)
 
-    def document(self, tmp_path, primitives: list[dict]) -> Document:
+    def document(self, tmp_path, primitives):
         self.json["meshes"] = [{"primitives": [one]} for one in primitives]
         return read_document(self.write(tmp_path / "many.gltf"))
 
 
-def _primitive(writer: _Writer, kind: int) -> dict:
+def _primitive(writer, kind):
     """Write a primitive of one of some kinds, with vertices of which several are at one place."""
     random = writer.random
     n = 3 * int(random.integers(1, 6))
@@ -59,7 +58,7 @@ def _primitive(writer: _Writer, kind: int) -> dict:
     return primitive
 
 
-def _arrays(piece: MeshPart) -> list:
+def _arrays(piece):
     """Types, shapes and bytes of all arrays of a piece."""
     arrays = [*vars(piece).values(), *(item.uvs for item in piece.uv_sets.values())]
     return [(a.dtype, a.shape, a.tobytes()) for a in arrays if isinstance(a, np.ndarray)]

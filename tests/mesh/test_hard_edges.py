@@ -19,7 +19,7 @@ from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere
 
 
-def bare(mesh: Mesh) -> Mesh:
+def bare(mesh):
     """The surface alone."""
     return Mesh(positions=mesh.positions, faces=mesh.faces)
 
@@ -28,7 +28,7 @@ BARREL = bare(make("cylinder", resolution=(96, 4), caps=True))
 TORUS = bare(make("torus", resolution=(60, 30)))
 
 
-def turns(mesh: Mesh) -> np.ndarray:
+def turns(mesh):
     """Degrees that faces turn by at each inner edge."""
     one, other = inner_edges(mesh)
     sides = face_normals(mesh)

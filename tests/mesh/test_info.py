@@ -109,7 +109,7 @@ def test_edges_that_both_faces_wind_the_same_way_are_misoriented(name):
     assert mesh_info(mesh).n_misoriented_edges == twice > 1000
 
 
-def test_an_area_beyond_float64_is_infinite_and_null_in_json() -> None:
+def test_an_area_beyond_float64_is_infinite_and_null_in_json():
     info = mesh_info(Mesh(positions=[[0, 0, 0], [1e300, 0, 0], [0, 1e300, 0]], faces=[[0, 1, 2]]))
     assert info.area == np.inf
     assert info.diagonal == pytest.approx(2**0.5 * 1e300)
@@ -117,7 +117,7 @@ def test_an_area_beyond_float64_is_infinite_and_null_in_json() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-200, 1.0, 1e200, 8e307])
-def test_texture_coordinates_of_any_size_have_their_signs(size: float) -> None:
+def test_texture_coordinates_of_any_size_have_their_signs(size):
     square = plane(3, 3)
     assert square.uvs is not None
     uvs = square.uvs.copy() * 2.0 - 1.0

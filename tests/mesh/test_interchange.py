@@ -1,7 +1,5 @@
 """Meshes from trimesh and back, and the objects that are accepted as meshes."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -13,7 +11,7 @@ from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents
 
 
-def test_seams_split_vertices_and_keep_every_corner() -> None:
+def test_seams_split_vertices_and_keep_every_corner():
     mesh = uv_sphere(6, 8)
     converted = texbake.to_trimesh(mesh)
     # The column of the seam and all but one coordinate of each pole stand behind the positions.
@@ -24,7 +22,7 @@ def test_seams_split_vertices_and_keep_every_corner() -> None:
     assert np.array_equal(back.corner_uvs(), mesh.corner_uvs())
 
 
-def test_unused_vertices_and_degenerate_faces_stay() -> None:
+def test_unused_vertices_and_degenerate_faces_stay():
     mesh = texbake.Mesh(
         positions=[[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]],
         faces=[[1, 2, 3], [1, 1, 2]],
@@ -37,7 +35,7 @@ def test_unused_vertices_and_degenerate_faces_stay() -> None:
     assert texbake.from_trimesh(converted).n_vertices == 4
 
 
-def test_normals_that_nobody_gave_are_not_computed() -> None:
+def test_normals_that_nobody_gave_are_not_computed():
     box = trimesh.creation.box()
     assert texbake.from_trimesh(box).normals is None or "vertex_normals" in box._cache.cache
     given = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
@@ -46,14 +44,14 @@ def test_normals_that_nobody_gave_are_not_computed() -> None:
     assert texbake.from_trimesh(given).normals.tolist() == [[1, 0, 0]] * 3
 
 
-def test_a_later_change_does_not_reach_the_other_mesh() -> None:
+def test_a_later_change_does_not_reach_the_other_mesh():
     box = trimesh.creation.box()
     mesh = texbake.from_trimesh(box)
     box.vertices[:] += 1.0
     assert mesh.positions.max() == 0.5
 
 
-def test_a_scene_is_placed_and_joined() -> None:
+def test_a_scene_is_placed_and_joined():
     scene = trimesh.Scene()
     shift = trimesh.transformations.translation_matrix([2.0, 0.0, 0.0])
     scene.add_geometry(trimesh.creation.box(), node_name="left")
@@ -67,12 +65,12 @@ def test_a_scene_is_placed_and_joined() -> None:
 @pytest.mark.parametrize(
     "value", [None, 3, [[0, 0, 0]], trimesh.PointCloud([[0, 0, 0]]), trimesh.Trimesh()]
 )
-def test_objects_other_than_meshes_are_one_error(value: object) -> None:
+def test_objects_other_than_meshes_are_one_error(value):
     with pytest.raises(MeshError):
         as_mesh(value)  # type: ignore[arg-type]
 
 
-def test_a_broken_trimesh_is_one_error() -> None:
+def test_a_broken_trimesh_is_one_error():
     points = [[0, 0, 0], [1, 0, 0], [0, np.nan, 0]]
     with pytest.raises(MeshError, match="not finite"):
         as_mesh(trimesh.Trimesh(points, [[0, 1, 2]], process=False))
@@ -80,7 +78,7 @@ def test_a_broken_trimesh_is_one_error() -> None:
         as_mesh(trimesh.Trimesh(np.eye(3), [[0, 1, 7]], process=False))
 
 
-def test_public_functions_take_whatever_is_a_mesh(tmp_path: Path) -> None:
+def test_public_functions_take_whatever_is_a_mesh(tmp_path):
     mesh = uv_sphere(12, 16)
     path = tmp_path / "sphere.obj"
     texbake.write_mesh(mesh, path)
@@ -97,7 +95,7 @@ CHOICES = [set(), {"uvs"}, {"normals"}, {"colors"}, {"uvs", "normals", "colors",
 
 
 @pytest.mark.parametrize("has", CHOICES, ids=lambda has: "+".join(sorted(has)) or "bare")
-def test_every_corner_comes_back(has: set[str]) -> None:
+def test_every_corner_comes_back(has):
     mesh = uv_sphere(4, 6).replace(name="ball")
     corners = np.arange(3 * mesh.n_faces, dtype=np.int32).reshape(-1, 3)
     colors = np.random.default_rng(1).random((mesh.n_vertices, 4), dtype=np.float32)

@@ -1,7 +1,5 @@
 """Normals: closed forms, an oracle, invariances, and degenerate faces."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

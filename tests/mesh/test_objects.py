@@ -25,14 +25,14 @@ ASIDE[0, 3] = 1.0  # as wide as the cube
 CUBES = [cube(), transformed(cube(), ASIDE)]
 
 
-def grouped(mesh: Mesh, name: str) -> Mesh:
+def grouped(mesh, name):
     return mesh.replace(face_groups=np.zeros(mesh.n_faces, np.int32), group_names=(name,))
 
 
 NAMED = [grouped(mesh, name) for mesh, name in zip(CUBES, ("lid", "box"), strict=True)]
 
 
-def obj_text(statement: str, *, welded: bool = False) -> str:
+def obj_text(statement, *, welded=False):
     """Two cubes that touch, each after its own statement, or with the vertices of both shared."""
     whole = join_meshes(CUBES)
     points, faces = whole.positions, whole.faces
@@ -45,7 +45,7 @@ def obj_text(statement: str, *, welded: bool = False) -> str:
     return "\n".join(lines) + "\n"
 
 
-def corner_normals(mesh: Mesh) -> np.ndarray:
+def corner_normals(mesh):
     return smooth_normals(mesh)[mesh.faces]
 
 

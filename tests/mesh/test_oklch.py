@@ -3,7 +3,7 @@ import numpy as np
 from texbake.mesh.oklch import diverging, linear_from_oklch
 
 
-def test_ends_of_lightness() -> None:
+def test_ends_of_lightness():
     # 1e-6: the matrices are published with ten digits.
     assert np.allclose(linear_from_oklch(1.0, 0.0, 0.0), 1.0, atol=1e-6)
     assert np.allclose(linear_from_oklch(0.0, 0.0, 0.0), 0.0)
@@ -11,7 +11,7 @@ def test_ends_of_lightness() -> None:
     assert np.allclose(linear_from_oklch(0.5, 0.0, 123.0), 0.125, atol=1e-6)
 
 
-def test_primaries_of_srgb() -> None:
+def test_primaries_of_srgb():
     # Lightness, chroma and hue of red, green and blue from Ottosson's page.
     lch = np.array(
         [[0.62796, 0.25768, 29.234], [0.86644, 0.29483, 142.495], [0.452, 0.313, 264.05]]
@@ -20,7 +20,7 @@ def test_primaries_of_srgb() -> None:
     assert np.allclose(colors, np.eye(3), atol=3e-3)  # the rounding of these digits
 
 
-def test_a_scale_that_darkens_evenly_to_both_sides() -> None:
+def test_a_scale_that_darkens_evenly_to_both_sides():
     levels = np.linspace(-1.0, 1.0, 41)
     colors = diverging(levels)
     luminance = colors @ [0.2126, 0.7152, 0.0722]

@@ -1,7 +1,5 @@
 """Parametric surfaces: options, planes, height fields, range images, Möbius strips, lattices."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields
 
@@ -233,14 +231,14 @@ def test_strips_that_cannot_be(options):
 # Range images of surfaces that have formulas: vertices lie on them, and holes stay.
 
 
-def radii(n_rows: int = 24, n_columns: int = 40) -> np.ndarray:
+def radii(n_rows=24, n_columns=40):
     """A cone of radius 1 at the bottom and 1/2 at the top, with waves around it."""
     v = 1.0 - (np.arange(n_rows) + 0.5) / n_rows
     angles = 2.0 * math.pi * (np.arange(n_columns) + 0.5) / n_columns
     return (1.0 - 0.5 * v[:, None]) * (1.0 + 0.1 * np.cos(3.0 * angles))
 
 
-def test_vertices_of_a_cylindrical_range_lie_on_the_surface() -> None:
+def test_vertices_of_a_cylindrical_range_lie_on_the_surface():
     mesh = make("cylindrical-range", image=radii(), radius=2.0, height=3.0)
     assert (mesh.n_vertices, mesh.n_faces) == (24 * 40, 2 * 23 * 40)
     x, y, z = mesh.positions.T
@@ -257,7 +255,7 @@ def test_vertices_of_a_cylindrical_range_lie_on_the_surface() -> None:
     assert (counts == 1).sum() == 2 * 40
 
 
-def test_texture_coordinates_are_centers_of_pixels_and_repeat_across_the_seam() -> None:
+def test_texture_coordinates_are_centers_of_pixels_and_repeat_across_the_seam():
     image = radii()
     mesh = make("cylindrical-range", image=image)
     corners = mesh.corner_uvs().reshape(-1, 2)
@@ -269,7 +267,7 @@ def test_texture_coordinates_are_centers_of_pixels_and_repeat_across_the_seam() 
     assert np.ptp(mesh.corner_uvs()[..., 0], axis=1).max() < 1.5 / 40
 
 
-def test_a_depth_image_of_a_ball_lies_on_the_ball() -> None:
+def test_a_depth_image_of_a_ball_lies_on_the_ball():
     n, fov = 64, 30.0
     reach = math.tan(math.radians(fov / 2.0))
     grid = ((np.arange(n) + 0.5) / n * 2.0 - 1.0) * reach
@@ -286,7 +284,7 @@ def test_a_depth_image_of_a_ball_lies_on_the_ball() -> None:
     assert (np.einsum("ij,ij->i", face_normals(mesh), toward) > 0.0).all()
 
 
-def test_holes_stay_and_large_steps_are_not_bridged() -> None:
+def test_holes_stay_and_large_steps_are_not_bridged():
     image = np.full((8, 10), 0.5)
     image[3, 4] = 0.0
     image[6, 6] = np.nan
@@ -302,9 +300,7 @@ def test_holes_stay_and_large_steps_are_not_bridged() -> None:
 
 
 @pytest.mark.parametrize("missing", [(0, 0), (0, 1), (1, 0), (1, 1)])
-def test_a_square_without_one_corner_keeps_the_triangle_of_the_others(
-    missing: tuple[int, int],
-) -> None:
+def test_a_square_without_one_corner_keeps_the_triangle_of_the_others(missing):
     for value, options in (0.0, {}), (0.9, {"max_step": 0.1}):
         image = np.full((2, 2), 0.5)
         image[missing] = value
@@ -317,7 +313,7 @@ def test_a_square_without_one_corner_keeps_the_triangle_of_the_others(
 
 
 @pytest.mark.parametrize("shape", ["cylindrical-range", "depth-image"])
-def test_what_is_no_range_image_is_one_clear_error(shape: str) -> None:
+def test_what_is_no_range_image_is_one_clear_error(shape):
     with pytest.raises(MeshError, match="no three neighboring pixels have a distance"):
         make(shape, image=np.zeros((5, 5)))
     with pytest.raises(OptionError, match="is not an image of 2 x 2 pixels or more"):

@@ -35,7 +35,7 @@ HANG = "open('pid', 'w').write(str(os.getpid())); signal.pause()"
 
 @pytest.fixture
 def damage(tmp_path, monkeypatch):
-    def put(what: str) -> Path:
+    def put(what):
         folder = tmp_path / "modules" / "pxr"
         folder.mkdir(parents=True)
         for name, text in PXR.items():

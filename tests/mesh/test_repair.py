@@ -12,7 +12,7 @@ from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.topology import find_edges
 
 
-def spoiled(mesh: Mesh, seed: int) -> Mesh:
+def spoiled(mesh, seed):
     """The same surface with vertices split, faces turned, repeated and without area."""
     random = np.random.default_rng(seed)
     faces = np.arange(3 * mesh.n_faces).reshape(-1, 3)
@@ -28,7 +28,7 @@ def spoiled(mesh: Mesh, seed: int) -> Mesh:
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("name", ["icosphere", "torus", "cube"])
-def test_a_spoiled_closed_mesh_is_restored(name: str, seed: int) -> None:
+def test_a_spoiled_closed_mesh_is_restored(name, seed):
     meshes = {"icosphere": icosphere(2), "torus": make("torus", resolution=(9, 6)), "cube": cube()}
     mesh = meshes[name]
     repaired, report = repair(spoiled(mesh, seed))
@@ -40,7 +40,7 @@ def test_a_spoiled_closed_mesh_is_restored(name: str, seed: int) -> None:
     assert np.min(firsts, axis=0).max() == 0.0
 
 
-def test_an_open_mesh_keeps_the_side_that_most_faces_show() -> None:
+def test_an_open_mesh_keeps_the_side_that_most_faces_show():
     mesh = plane(4, 4)
     faces = mesh.faces.copy()
     faces[:5] = faces[:5, ::-1]
@@ -50,14 +50,14 @@ def test_an_open_mesh_keeps_the_side_that_most_faces_show() -> None:
     assert (face_normals(repaired)[:, 2] == 1.0).all()
 
 
-def test_a_one_sided_mesh_is_unchanged() -> None:
+def test_a_one_sided_mesh_is_unchanged():
     strip = make("mobius", resolution=(16, 2))
     repaired, report = repair(strip)
     assert report.counts["faces turned"] == 0
     assert np.array_equal(repaired.faces, repair(repaired)[0].faces)
 
 
-def test_turned_faces_take_their_normals_and_coordinates_with_them() -> None:
+def test_turned_faces_take_their_normals_and_coordinates_with_them():
     ball = uv_sphere(4, 8)
     normals = ball.positions / np.linalg.norm(ball.positions, axis=1)[:, None]
     ball = ball.replace(normals=normals, normal_faces=ball.faces)
@@ -75,7 +75,7 @@ def test_turned_faces_take_their_normals_and_coordinates_with_them() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_second_repair_changes_nothing(seed: int) -> None:
+def test_a_second_repair_changes_nothing(seed):
     """Vertices that only removed faces used go as well."""
     mesh = spoiled(icosphere(1), seed)
     far = np.array([[2.0, 0.0, 0.0], [3.0, 0.0, 0.0], [4.0, 0.0, 0.0]])  # on one line
@@ -92,7 +92,7 @@ def test_a_second_repair_changes_nothing(seed: int) -> None:
     assert once.n_vertices == icosphere(1).n_vertices
 
 
-def test_a_mesh_of_any_size_is_turned_alike() -> None:
+def test_a_mesh_of_any_size_is_turned_alike():
     mesh = spoiled(icosphere(1), 0)
     repaired = repair(mesh)[0]
     for scale in 2.0**-900, 2.0**1020:

@@ -18,14 +18,14 @@ from texbake.mesh.triangle_tree import TriangleTree
 N = 64
 
 
-def turned(mesh: Mesh, scale=(1.0, 1.0, 1.0)) -> Mesh:
+def turned(mesh, scale=(1.0, 1.0, 1.0)):
     """The mesh alone, scaled and turned so that no face lies along an axis."""
     axes, _ = np.linalg.qr(np.random.default_rng(8).normal(size=(3, 3)))
     axes[0] *= np.linalg.det(axes)
     return Mesh(positions=mesh.positions * scale @ axes.T, faces=mesh.faces)
 
 
-def sharp(mesh: Mesh, **options) -> Mesh:
+def sharp(mesh, **options):
     """The wrapped mesh with sharp edges, whose surface is checked."""
     result = remesh(mesh, RemeshOptions(**{"resolution": N, "sharp_edges": True, **options}))
     edges = find_edges(result.faces)
@@ -34,7 +34,7 @@ def sharp(mesh: Mesh, **options) -> Mesh:
     return result
 
 
-def along_hard_edges(mesh: Mesh, cosine: float = 0.8, n: int = 50) -> np.ndarray:
+def along_hard_edges(mesh, cosine=0.8, n=50):
     """Points along the edges of a closed mesh whose faces meet at an angle."""
     normals, points = face_normals(mesh), []
     for a, b in find_edges(mesh.faces).vertices:
@@ -57,7 +57,7 @@ def test_edges_are_kept(name):
     voxel = np.ptp(mesh.positions, axis=0).max() / N
     points = along_hard_edges(mesh)
 
-    def off(wrapped: Mesh) -> np.ndarray:
+    def off(wrapped):
         tree = TriangleTree.build(wrapped.positions, wrapped.faces)
         return tree.closest_points(points)[0] / voxel
 

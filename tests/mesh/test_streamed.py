@@ -2,8 +2,6 @@
 
 import re
 import struct
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,26 +12,17 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import shading_normals, smooth_normals
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.mesh.streamed import source
-from texbake.mesh.streamed.mesh import StreamedMesh, open_streamed
+from texbake.mesh.streamed.mesh import open_streamed
 
 XYZ = ("x", "y", "z")
 
 
 @pytest.fixture(autouse=True)
-def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_blocks(monkeypatch):
     monkeypatch.setattr(source, "ROWS_PER_BLOCK", 50)
 
 
-def write_polygons(
-    path: Path,
-    points: np.ndarray,
-    polygons: list[list[int]],
-    *,
-    order: str = "<",
-    number: str = "float",
-    count: str = "uchar",
-    more: bool = False,
-) -> Path:
+def write_polygons(path, points, polygons, *, order="<", number="float", count="uchar", more=False):
     """Write a binary PLY file; with `more`, other properties stand around those that are read."""
     name = {"<": "little", ">": "big"}[order]
     code, length = {"float": "f", "double": "d"}[number], {"uchar": "B", "ushort": "H"}[count]
@@ -54,13 +43,13 @@ def write_polygons(
     return path
 
 
-def opened(path: Path, threads: int = 2) -> StreamedMesh:
+def opened(path, threads=2):
     mesh = open_streamed(path, threads=threads)
     assert mesh is not None
     return mesh
 
 
-def assert_same(path: Path) -> None:
+def assert_same(path):
     """Compare all that a streamed mesh gives with the whole mesh."""
     whole, mesh = read_mesh(path), opened(path)
     assert (mesh.name, mesh.n_faces) == (whole.name, whole.n_faces)
@@ -95,13 +84,13 @@ def assert_same(path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl"])
-def test_what_texbake_writes(tmp_path: Path, suffix: str) -> None:
+def test_what_texbake_writes(tmp_path, suffix):
     ball = uv_sphere(12, 15, lambda a, b: 1 + 0.1 * np.sin(5 * a) * np.sin(3 * b))
     write_mesh(Mesh(positions=ball.positions, faces=ball.faces), tmp_path / f"ball{suffix}")
     assert_same(tmp_path / f"ball{suffix}")
 
 
-def test_normals_and_colors_of_vertices(tmp_path: Path) -> None:
+def test_normals_and_colors_of_vertices(tmp_path):
     ball = icosphere(2)
     normals = ball.positions.copy()
     normals[::9] = 0.0  # such are shaded with smooth ones
@@ -123,7 +112,7 @@ def test_normals_and_colors_of_vertices(tmp_path: Path) -> None:
 @pytest.mark.parametrize("number", ["float", "double"])
 @pytest.mark.parametrize("count", ["uchar", "ushort"])
 @pytest.mark.parametrize("more", [False, True])
-def test_forms_of_rows(tmp_path: Path, order: str, number: str, count: str, more: bool) -> None:
+def test_forms_of_rows(tmp_path, order, number, count, more):
     ball = icosphere(2)
     path = write_polygons(
         tmp_path / "ball.ply",
@@ -138,7 +127,7 @@ def test_forms_of_rows(tmp_path: Path, order: str, number: str, count: str, more
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
-def test_polygons(tmp_path: Path, order: str) -> None:
+def test_polygons(tmp_path, order):
     """Triangles in one block, quads in the next, then all sorts, some with no area at all."""
     ball = icosphere(2)
     rng = np.random.default_rng(3)
@@ -151,7 +140,7 @@ def test_polygons(tmp_path: Path, order: str) -> None:
     assert_same(path)
 
 
-def test_faces_in_any_order_with_seams(tmp_path: Path) -> None:
+def test_faces_in_any_order_with_seams(tmp_path):
     """Vertices of distant chunks lie at one place, one of them at -0.0."""
     ball = icosphere(3)
     points = np.concatenate([ball.positions, ball.positions])
@@ -162,7 +151,7 @@ def test_faces_in_any_order_with_seams(tmp_path: Path) -> None:
     assert_same(write_polygons(tmp_path / "seams.ply", points, faces.tolist()))
 
 
-def test_normals_that_cancel(tmp_path: Path) -> None:
+def test_normals_that_cancel(tmp_path):
     """Two sheets back to back, far apart in the file, and faces without area before them."""
     ball = icosphere(2)
     faces = [[5, 5, 6], *ball.faces.tolist(), *ball.faces[:, ::-1].tolist()]
@@ -172,8 +161,8 @@ def test_normals_that_cancel(tmp_path: Path) -> None:
     assert np.abs(np.linalg.norm(smooth_normals(whole), axis=1) - 1.0).max() < 1e-6
 
 
-def damaged(change: Callable[[bytearray], object]) -> Callable[[Path], Path]:
-    def write(folder: Path) -> Path:
+def damaged(change):
+    def write(folder):
         ball = icosphere(2)
         path = write_polygons(folder / "bad.ply", ball.positions, ball.faces.tolist())
         content = bytearray(path.read_bytes())
@@ -184,12 +173,12 @@ def damaged(change: Callable[[bytearray], object]) -> Callable[[Path], Path]:
     return write
 
 
-def late_index(value: int) -> Callable[[bytearray], object]:
+def late_index(value):
     """Change the last index of the third face before the last."""
     return lambda content: content.__setitem__(slice(-30, -26), struct.pack("<i", value))
 
 
-def truncated(n_bytes: int) -> Callable[[bytearray], object]:
+def truncated(n_bytes):
     return lambda content: content.__delitem__(slice(-n_bytes, None))
 
 
@@ -214,7 +203,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("name", DAMAGES)
-def test_damaged_files_fail_as_when_read_whole(tmp_path: Path, name: str) -> None:
+def test_damaged_files_fail_as_when_read_whole(tmp_path, name):
     path = DAMAGES[name](tmp_path)
     with pytest.raises((FileFormatError, MeshError)) as whole:
         read_mesh(path)
@@ -224,7 +213,7 @@ def test_damaged_files_fail_as_when_read_whole(tmp_path: Path, name: str) -> Non
     assert "\n" not in str(streamed.value)
 
 
-def test_missing_and_empty_files(tmp_path: Path) -> None:
+def test_missing_and_empty_files(tmp_path):
     with pytest.raises(FileError, match="there is no such file"):
         open_streamed(tmp_path / "none.ply")
     (tmp_path / "empty.stl").write_bytes(b"")
@@ -232,7 +221,7 @@ def test_missing_and_empty_files(tmp_path: Path) -> None:
         open_streamed(tmp_path / "empty.stl")
 
 
-def test_files_that_are_read_whole(tmp_path: Path) -> None:
+def test_files_that_are_read_whole(tmp_path):
     ball = icosphere(1)
     write_mesh(ball, tmp_path / "ball.obj")
     (tmp_path / "ascii.ply").write_text(

@@ -1,7 +1,6 @@
 """A mesh that is reduced in pieces while its file is read: as close, as closed, as colored."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.shapes import grid_sphere, uv_sphere
-from texbake.mesh.simplify import SimplifyReport
 from texbake.mesh.streamed import reduction, source
 from texbake.mesh.topology import find_edges
 from texbake.mesh.weld import weld_rows
@@ -21,19 +19,17 @@ OPTIONS = SimplifyOptions(n_faces=500)
 
 
 @pytest.fixture(autouse=True)
-def _small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_pieces(monkeypatch):
     monkeypatch.setattr(source, "ROWS_PER_BLOCK", 1_000)
     monkeypatch.setattr(reduction, "AT_ONCE", 9_000)
 
 
-def bumpy(n: int = 150) -> Mesh:
+def bumpy(n=150):
     ball = uv_sphere(n, n, lambda a, b: 1 + 0.05 * np.sin(5 * a) * np.sin(7 * b))
     return Mesh(positions=ball.positions, faces=ball.faces)
 
 
-def simplified(
-    mesh: Mesh, folder: Path, options: SimplifyOptions = OPTIONS, suffix: str = ".ply", **given: int
-) -> tuple[Mesh, SimplifyReport]:
+def simplified(mesh, folder, options=OPTIONS, suffix=".ply", **given):
     """What is left of a mesh in pieces, and the report on it."""
     path = folder / f"mesh{suffix}"
     write_mesh(mesh, path)
@@ -43,14 +39,14 @@ def simplified(
     return read_mesh(folder / "low.ply"), done.report
 
 
-def n_open_edges(mesh: Mesh) -> int:
+def n_open_edges(mesh):
     edges = find_edges(weld_rows(mesh.positions)[mesh.faces])
     return int(np.count_nonzero(edges.boundary)) + int(np.count_nonzero(edges.non_manifold))
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".stl"])
 @pytest.mark.parametrize("quality", ["fast", "best"])
-def test_a_closed_surface_stays_closed_and_close(tmp_path: Path, suffix: str, quality: str) -> None:
+def test_a_closed_surface_stays_closed_and_close(tmp_path, suffix, quality):
     mesh, options = bumpy(), replace(OPTIONS, quality=quality)
     low, report = simplified(mesh, tmp_path, options, suffix)
     assert "in pieces, which were first reduced to" in report.notes[0]
@@ -63,7 +59,7 @@ def test_a_closed_surface_stays_closed_and_close(tmp_path: Path, suffix: str, qu
     assert report.distance.rms == pytest.approx(distance, rel=0.05)
 
 
-def test_threads_change_nothing(tmp_path: Path) -> None:
+def test_threads_change_nothing(tmp_path):
     files = []
     for threads in (1, 3):
         simplified(bumpy(), tmp_path, threads=threads)
@@ -71,7 +67,7 @@ def test_threads_change_nothing(tmp_path: Path) -> None:
     assert files[0] == files[1]
 
 
-def test_an_open_surface_keeps_its_outline(tmp_path: Path) -> None:
+def test_an_open_surface_keeps_its_outline(tmp_path):
     sheet = grid_sphere(120, 120)
     low_half = sheet.positions[sheet.faces][:, :, 1].max(axis=1) < 0.3
     sheet = Mesh(positions=sheet.positions, faces=sheet.faces[low_half])
@@ -82,7 +78,7 @@ def test_an_open_surface_keeps_its_outline(tmp_path: Path) -> None:
     assert not edges.non_manifold.any()
 
 
-def test_parts_far_apart_and_faces_in_any_order(tmp_path: Path) -> None:
+def test_parts_far_apart_and_faces_in_any_order(tmp_path):
     ball = bumpy(100)
     positions = np.vstack([ball.positions, ball.positions + np.array([300.0, 0.0, 0.0])])
     faces = np.vstack([ball.faces, ball.faces + np.int32(ball.n_vertices)])
@@ -93,7 +89,7 @@ def test_parts_far_apart_and_faces_in_any_order(tmp_path: Path) -> None:
     np.testing.assert_allclose(low.bounds[1, 0] - low.bounds[0, 0], 302.0, atol=0.2)
 
 
-def test_doubled_faces_and_faces_without_area(tmp_path: Path) -> None:
+def test_doubled_faces_and_faces_without_area(tmp_path):
     ball = bumpy(100)
     flat = np.repeat(ball.faces[:500, :1], 3, axis=1)
     faces = np.vstack([ball.faces, flat, ball.faces])
@@ -102,7 +98,7 @@ def test_doubled_faces_and_faces_without_area(tmp_path: Path) -> None:
     assert surface_distance(ball, low).rms < 0.02
 
 
-def test_a_surface_around_the_mesh_keeps_the_note_on_the_pieces(tmp_path: Path) -> None:
+def test_a_surface_around_the_mesh_keeps_the_note_on_the_pieces(tmp_path):
     ball = bumpy()
     holes = Mesh(positions=ball.positions, faces=ball.faces[np.arange(ball.n_faces) % 7 > 0])
     _, report = simplified(holes, tmp_path, replace(OPTIONS, topology="simplify"))
@@ -110,7 +106,7 @@ def test_a_surface_around_the_mesh_keeps_the_note_on_the_pieces(tmp_path: Path) 
     assert "in pieces" in report.notes[1]
 
 
-def test_colors_follow_and_hard_edges_stay(tmp_path: Path) -> None:
+def test_colors_follow_and_hard_edges_stay(tmp_path):
     """Two halves of a ball, with vertices of their own where they meet."""
     ball = bumpy()
     sides = (ball.positions[ball.faces][:, :, 1].mean(axis=1) > 0.0).astype(np.int32)
@@ -134,7 +130,7 @@ def test_colors_follow_and_hard_edges_stay(tmp_path: Path) -> None:
     assert n_open_edges(low) == 0
 
 
-def test_texture_coordinates_and_errors_need_the_whole_mesh(tmp_path: Path) -> None:
+def test_texture_coordinates_and_errors_need_the_whole_mesh(tmp_path):
     for mesh, options in (
         (uv_sphere(60, 60), OPTIONS),
         (bumpy(30), SimplifyOptions(error="5%")),

@@ -32,21 +32,21 @@ POINTS = BALL.positions
          2 * POINTS[:, [0, 2, 1]] * (1, 1, -1) + np.eye(3)[0]),
     ],
 )  # fmt: skip
-def test_positions_have_a_closed_form(given: dict, expected: np.ndarray) -> None:
+def test_positions_have_a_closed_form(given, expected):
     moved = transform(BALL, TransformOptions(**given))
     assert np.array_equal(moved.positions, expected)
     assert np.array_equal(moved.faces, BALL.faces)
     assert np.array_equal(moved.corner_uvs(), BALL.corner_uvs())
 
 
-def test_a_rotation_there_and_back_is_none() -> None:
+def test_a_rotation_there_and_back_is_none():
     there = transform(BALL, TransformOptions(rotate=(0.0, 33.0, 0.0)))
     back = transform(there, TransformOptions(rotate=(0.0, -33.0, 0.0)))
     assert np.abs(back.positions - POINTS).max() < 1e-15
     assert np.abs(there.positions - POINTS).max() > 0.4
 
 
-def test_flipped_faces_face_the_other_way_with_their_normals() -> None:
+def test_flipped_faces_face_the_other_way_with_their_normals():
     ball = BALL.replace(normals=POINTS, normal_faces=BALL.faces)
     flipped = transform(ball, TransformOptions(flip=True))
     assert np.allclose(face_normals(flipped), -face_normals(ball))
@@ -57,7 +57,7 @@ def test_flipped_faces_face_the_other_way_with_their_normals() -> None:
     assert np.array_equal(again.faces, ball.faces)
 
 
-def test_positions_stay_finite() -> None:
+def test_positions_stay_finite():
     huge = BALL.replace(positions=1e300 * POINTS)
     with pytest.raises(OptionError, match="scale, move: positions would not be finite"):
         transform(huge, TransformOptions(scale=1e10))

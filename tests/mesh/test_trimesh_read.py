@@ -4,9 +4,7 @@ import re
 import subprocess
 import sys
 import zipfile
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +19,7 @@ from texbake.mesh.shapes import cube, uv_sphere
 ONLY_READ = sorted({*MESH_SUFFIXES} - {*WRITABLE_MESH_SUFFIXES, ".gltf"})
 
 
-def test_a_3mf_file_keeps_positions_and_faces(tmp_path: Path) -> None:
+def test_a_3mf_file_keeps_positions_and_faces(tmp_path):
     mesh = uv_sphere(6, 8).replace(uvs=None, uv_faces=None)
     texbake.to_trimesh(mesh).export(tmp_path / "sphere.3mf")
     read = texbake.read_mesh(tmp_path / "sphere.3mf")
@@ -31,7 +29,7 @@ def test_a_3mf_file_keeps_positions_and_faces(tmp_path: Path) -> None:
     assert len(read.group_names) == 1
 
 
-def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path: Path) -> None:
+def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path):
     mesh = uv_sphere(6, 8)
     texbake.to_trimesh(mesh).export(tmp_path / "sphere.dae")
     read = texbake.read_mesh(tmp_path / "sphere.dae")
@@ -43,12 +41,12 @@ def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path: Pat
     assert texbake.read_mesh(tmp_path / "sphere.zae").n_faces == mesh.n_faces
 
 
-def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(tmp_path: Path) -> None:
+def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(tmp_path):
     path = tmp_path / "a.dae"
     texbake.to_trimesh(uv_sphere(6, 8)).export(path)
     text = path.read_text()
 
-    def read_with(source: str) -> texbake.Mesh:
+    def read_with(source):
         """Read the file after replacing the first number of a source by one that is not finite."""
         changed = re.sub(rf'(<float_array[^>]*id="{source}[^>]*>)\S+', r"\1-nan", text)
         assert changed != text
@@ -66,7 +64,7 @@ def test_collada_numbers_that_are_not_finite_are_read_as_in_other_formats(tmp_pa
         assert texbake.read_mesh(path).n_faces == uv_sphere(6, 8).n_faces
 
 
-def test_a_xaml_file_is_read(tmp_path: Path) -> None:
+def test_a_xaml_file_is_read(tmp_path):
     (tmp_path / "a.xaml").write_text(
         '<Viewport3D xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation">'
         '<GeometryModel3D><GeometryModel3D.Geometry><MeshGeometry3D Positions="0,0,0 1,0,0 0,1,0" '
@@ -79,7 +77,7 @@ def test_a_xaml_file_is_read(tmp_path: Path) -> None:
     assert texbake.read_mesh(tmp_path / "a.xaml").n_faces == 1
 
 
-def test_a_3mf_file_with_a_bad_number_is_one_error(tmp_path: Path) -> None:
+def test_a_3mf_file_with_a_bad_number_is_one_error(tmp_path):
     texbake.to_trimesh(cube()).export(tmp_path / "good.3mf")
     wrong = [('v1="0"', 'v1="77"', "index"), ('x="-0.5', 'x="abc', "could not be read to its end"),
              ('x="-0.5', 'x="nan', "not finite")]  # fmt: skip
@@ -93,20 +91,20 @@ def test_a_3mf_file_with_a_bad_number_is_one_error(tmp_path: Path) -> None:
             texbake.read_mesh(changed)
 
 
-def test_a_file_is_not_written_in_a_format_that_is_only_read(tmp_path: Path) -> None:
+def test_a_file_is_not_written_in_a_format_that_is_only_read(tmp_path):
     for suffix in ONLY_READ:
         with pytest.raises(FileFormatError, match="can only be read"):
             texbake.write_mesh(cube(), tmp_path / f"cube{suffix}")
 
 
-def draco_file(mesh: texbake.Mesh, path: Path) -> bytes:
+def draco_file(mesh, path):
     content = trimesh.Scene(texbake.to_trimesh(mesh)).export(file_type="glb", extension_draco=True)
     assert b"KHR_draco_mesh_compression" in content
     path.write_bytes(content)
     return content
 
 
-def test_a_file_compressed_by_draco_is_read(tmp_path: Path) -> None:
+def test_a_file_compressed_by_draco_is_read(tmp_path):
     mesh = uv_sphere(12, 16)
     path = tmp_path / "sphere.glb"
     draco_file(mesh, path)
@@ -149,7 +147,7 @@ for path in sys.argv[1:]:
 """
 
 
-def test_the_default_dependencies_read_all_formats_but_usd(tmp_path: Path) -> None:
+def test_the_default_dependencies_read_all_formats_but_usd(tmp_path):
     for suffix in (".obj", ".ply", ".stl", ".off", ".glb"):
         texbake.write_mesh(cube(), tmp_path / f"cube{suffix}")
     for suffix in (".dae", ".3mf"):
@@ -161,7 +159,7 @@ def test_the_default_dependencies_read_all_formats_but_usd(tmp_path: Path) -> No
     assert done.returncode == 0, done.stderr
 
 
-def test_triangle_strips_of_a_ply_file_become_triangles(tmp_path: Path) -> None:
+def test_triangle_strips_of_a_ply_file_become_triangles(tmp_path):
     path = tmp_path / "strips.ply"
     header = (
         "ply\nformat ascii 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
@@ -182,7 +180,7 @@ def test_triangle_strips_of_a_ply_file_become_triangles(tmp_path: Path) -> None:
         texbake.read_mesh(path)
 
 
-def test_strips_of_a_binary_ply_file_in_several_rows(tmp_path: Path) -> None:
+def test_strips_of_a_binary_ply_file_in_several_rows(tmp_path):
     path = tmp_path / "strips.ply"
     header = (
         "ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\n"
@@ -196,7 +194,7 @@ def test_strips_of_a_binary_ply_file_in_several_rows(tmp_path: Path) -> None:
     assert texbake.read_mesh(path).faces.tolist() == [[0, 1, 2], [2, 1, 3], [1, 0, 3]]
 
 
-def nested(tmp_path: Path, n_levels: int, n_copies: int) -> Path:
+def nested(tmp_path, n_levels, n_copies):
     """A sphere in a node, which each level places some times more."""
     texbake.to_trimesh(uv_sphere(4, 6)).export(tmp_path / "sphere.dae")
     text = (tmp_path / "sphere.dae").read_text("utf-8")
@@ -212,12 +210,12 @@ def nested(tmp_path: Path, n_levels: int, n_copies: int) -> Path:
     return tmp_path / "nested.dae"
 
 
-def test_nodes_of_collada_that_place_nodes_are_read(tmp_path: Path) -> None:
+def test_nodes_of_collada_that_place_nodes_are_read(tmp_path):
     path = nested(tmp_path, 2, 3)
     assert texbake.read_mesh(path).n_faces == 10 * uv_sphere(4, 6).n_faces
 
 
-def test_what_macos_adds_to_an_archive_is_passed_over(tmp_path: Path) -> None:
+def test_what_macos_adds_to_an_archive_is_passed_over(tmp_path):
     texbake.to_trimesh(uv_sphere(4, 6)).export(tmp_path / "sphere.dae")
     with zipfile.ZipFile(tmp_path / "sphere.zae", "w") as archive:
         archive.write(tmp_path / "sphere.dae", "sphere.dae")
@@ -225,14 +223,7 @@ def test_what_macos_adds_to_an_archive_is_passed_over(tmp_path: Path) -> None:
     assert texbake.read_mesh(tmp_path / "sphere.zae").n_faces == uv_sphere(4, 6).n_faces
 
 
-def built(
-    folder: Path,
-    items: Sequence[str],
-    components: Mapping[str, Sequence[str]] | None = None,
-    *,
-    n_triangles: int = 1,
-    name: str = "part",
-) -> Path:
+def built(folder, items, components=None, *, n_triangles=1, name="part"):
     """A .3mf file that builds objects, `1` of triangles, and others that consist of some."""
     points = "".join(f'<vertex x="{x}" y="{y}" z="0"/>' for x, y in ((0, 0), (1, 0), (0, 1)))
     triangles = '<triangle v1="0" v2="1" v3="2"/>' * n_triangles
@@ -256,7 +247,7 @@ def built(
 ONE = '"1"'
 
 
-def test_objects_of_3mf_are_read_as_often_as_they_are_built(tmp_path: Path) -> None:
+def test_objects_of_3mf_are_read_as_often_as_they_are_built(tmp_path):
     assert texbake.read_mesh(built(tmp_path, [ONE] * 20)).n_faces == 20
     assert texbake.read_mesh(built(tmp_path, ['"2"'] * 2, {"2": "111"})).n_faces == 6
 
@@ -270,15 +261,13 @@ def test_objects_of_3mf_are_read_as_often_as_they_are_built(tmp_path: Path) -> N
     ],
     ids=["steps", "twins", "circle"],
 )
-def test_a_3mf_file_of_which_objects_would_be_lost_is_refused(
-    lost: dict[str, Any], tmp_path: Path
-) -> None:
+def test_a_3mf_file_of_which_objects_would_be_lost_is_refused(lost, tmp_path):
     with pytest.raises(FileFormatError, match=r"would be lost|or it is damaged"):
         texbake.read_mesh(built(tmp_path, **lost))
 
 
 @pytest.mark.parametrize("index", ["-1", "99999999999999999999"])
-def test_indices_of_collada_that_are_out_of_range_are_refused(index: str, tmp_path: Path) -> None:
+def test_indices_of_collada_that_are_out_of_range_are_refused(index, tmp_path):
     """The reader took another vertex without a word."""
     path = tmp_path / "indices.dae"
     texbake.to_trimesh(uv_sphere(4, 6)).export(path)
@@ -298,9 +287,7 @@ def test_indices_of_collada_that_are_out_of_range_are_refused(index: str, tmp_pa
         (".xaml", "lxml", "lxml"),
     ],
 )
-def test_a_missing_library_is_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, module: str, package: str
-) -> None:
+def test_a_missing_library_is_named(tmp_path, monkeypatch, suffix, module, package):
     (tmp_path / f"a{suffix}").write_text("<a/>")
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(DependencyError, match=f"{module} is missing; .*pip install {package}$"):

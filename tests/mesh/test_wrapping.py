@@ -71,7 +71,7 @@ def test_holes_of_a_body_are_filled():
     assert find_edges(closed.faces).closed and width == 0.0
 
 
-def foam(n: int = 64, width: float = 1.6) -> Mesh:
+def foam(n=64, width=1.6):
     """A ball of noise, of a genus in the hundreds."""
     noise = gaussian(np.random.default_rng(3).standard_normal((n, n, n)), width)
     radii = np.linalg.norm(np.indices((n, n, n)) - (n - 1) / 2.0, axis=0)

@@ -1,6 +1,5 @@
 """A mesh traced in chunks against one ray tree over all of it: byte for byte the same."""
 
-from collections.abc import Iterator
 from contextlib import nullcontext
 
 import numpy as np
@@ -21,7 +20,7 @@ MAPS = ("normal", "displacement", "vector-displacement", "position", "curvature"
 
 
 @pytest.fixture(scope="module")
-def layered() -> Mesh:
+def layered():
     """A bumpy sphere, some of its faces twice, some turned round, and another sphere through it."""
     ball = uv_sphere(60, 90, lambda theta, phi: 1 + 0.03 * np.sin(11 * theta) * np.sin(9 * phi))
     faces = [
@@ -35,11 +34,11 @@ def layered() -> Mesh:
 
 
 @pytest.fixture(scope="module")
-def frame(layered: Mesh) -> LocalFrame:
+def frame(layered):
     return LocalFrame.around(layered)
 
 
-def rays_at(mesh: Mesh, frame: LocalFrame, n: int, seed: int) -> Rays:
+def rays_at(mesh, frame, n, seed):
     """Half of them at vertices and edges, where float32 errs most."""
     rng = np.random.default_rng(seed)
     weights = rng.dirichlet([1.0, 1.0, 1.0], n)
@@ -55,9 +54,7 @@ def rays_at(mesh: Mesh, frame: LocalFrame, n: int, seed: int) -> Rays:
 
 
 @pytest.mark.parametrize(("n_chunks", "cull"), [(2, True), (3, False), (7, True), (100, False)])
-def test_chunks_find_what_one_tree_finds(
-    layered: Mesh, frame: LocalFrame, n_chunks: int, cull: bool
-) -> None:
+def test_chunks_find_what_one_tree_finds(layered, frame, n_chunks, cull):
     rays = rays_at(layered, frame, 20_000, seed=n_chunks)
     size = -(-layered.n_faces // n_chunks)
     scenes = (
@@ -70,7 +67,7 @@ def test_chunks_find_what_one_tree_finds(
     assert (whole.faces != NO_HIT).mean() > 0.5
 
 
-def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
+def test_of_faces_that_are_there_twice_the_first_is_hit():
     square = plane()
     several = Mesh(positions=square.positions, faces=np.vstack([square.faces] * 50))
     frame = LocalFrame.around(several)
@@ -82,7 +79,7 @@ def test_of_faces_that_are_there_twice_the_first_is_hit() -> None:
         assert set(np.unique(hits.faces)) - {NO_HIT} == {0, 1}
 
 
-def test_rays_that_end_at_the_side_of_a_chunk_hit_what_lies_there() -> None:
+def test_rays_that_end_at_the_side_of_a_chunk_hit_what_lies_there():
     sheet = plane(8, 8)
     frame = LocalFrame.around(sheet)
     targets = frame.to_local(sheet.positions[sheet.faces].mean(axis=1))
@@ -95,12 +92,12 @@ def test_rays_that_end_at_the_side_of_a_chunk_hit_what_lies_there() -> None:
 
 
 @pytest.fixture(scope="module")
-def pair() -> tuple[Mesh, Mesh]:
+def pair():
     high = uv_sphere(100, 160, lambda theta, phi: 1 + 0.02 * np.sin(9 * theta) * np.sin(8 * phi))
     return high, uv_sphere(10, 16)
 
 
-def limit(pair: tuple[Mesh, Mesh], options: BakeOptions, n_chunks: int) -> int:
+def limit(pair, options, n_chunks):
     """Bytes that lead to so many chunks."""
     n, n_texels = pair[0].n_faces, options.width_px * options.height_px
     whole = bake_memory(n, pair[1].n_faces, n_texels, options.maps)
@@ -108,15 +105,13 @@ def limit(pair: tuple[Mesh, Mesh], options: BakeOptions, n_chunks: int) -> int:
 
 
 @pytest.mark.parametrize("n_chunks", [2, 3, 7])
-def test_a_bake_has_the_same_bytes(
-    pair: tuple[Mesh, Mesh], n_chunks: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bake_has_the_same_bytes(pair, n_chunks, monkeypatch):
     options = BakeOptions(maps=MAPS, size=128, samples=4, keep_hits=True, padding=2)
     whole = bake(*pair, options)
     made: list[int] = []
     trees = RayScene.trees
 
-    def spy(scene: RayScene) -> Iterator[MortonTree]:
+    def spy(scene):
         made.append(len(list(trees(scene))))
         return trees(scene)
 
@@ -133,14 +128,14 @@ def test_a_bake_has_the_same_bytes(
     assert whole.report.counts == parts.report.counts
 
 
-def test_adaptive_samples_in_chunks(pair: tuple[Mesh, Mesh]) -> None:
+def test_adaptive_samples_in_chunks(pair):
     options = BakeOptions(size=64, samples="adaptive", padding=1)
     whole = bake(*pair, options)
     parts = bake(*pair, BakeOptions(**{**vars(options), "max_memory": 1}))
     assert np.array_equal(whole.maps["normal"].values, parts.maps["normal"].values)
 
 
-def test_size_of_chunks() -> None:
+def test_size_of_chunks():
     maps = ("normal", "curvature")
     whole = bake_memory(1_000_000, 1000, 1024**2, maps)
     for memory, expected in (
@@ -151,7 +146,7 @@ def test_size_of_chunks() -> None:
         assert options.chunk_faces(1_000_000, 1000) == expected
 
 
-def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh, Mesh]) -> None:
+def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair):
     tree = MortonTree.build(pair[0], LocalFrame.around(pair[0]), threads=1)
     n = pair[0].n_faces
     held = tree.ids.nbytes + tree.nodes.nbytes
@@ -160,7 +155,7 @@ def test_the_estimate_holds_the_tree_and_what_it_is_sorted_with(pair: tuple[Mesh
     assert 0.9 * CORNERS_FACE * n < tree.leaves.nbytes <= CORNERS_FACE * n
 
 
-def test_a_cage_takes_as_much_memory_as_a_low_poly_mesh(pair: tuple[Mesh, Mesh]) -> None:
+def test_a_cage_takes_as_much_memory_as_a_low_poly_mesh(pair):
     high, low = pair
     cage = low.replace(positions=1.1 * low.positions)
     for n_low, fits in (2 * low.n_faces, True), (2 * low.n_faces - 1, False):
@@ -170,7 +165,7 @@ def test_a_cage_takes_as_much_memory_as_a_low_poly_mesh(pair: tuple[Mesh, Mesh])
             bake(high, low, options, cage=cage)
 
 
-def test_wrong_settings(pair: tuple[Mesh, Mesh]) -> None:
+def test_wrong_settings(pair):
     with pytest.raises(OptionError, match="max_memory: 'much' is not an amount of memory"):
         BakeOptions(max_memory="much")
     with pytest.raises(OptionError, match="need all of it at once"):

@@ -38,7 +38,7 @@ def test_a_mesh_is_like_itself():
 
 @pytest.mark.parametrize("shape", [(70, 90, 3), (9, 8, 3), (4, 5, 1)])
 @pytest.mark.parametrize("window", [3, 5, 7])
-def test_the_similarity_is_that_of_scikit_image(shape: tuple[int, ...], window: int) -> None:
+def test_the_similarity_is_that_of_scikit_image(shape, window):
     window = min(window, shape[0] - 1 + shape[0] % 2)
     random = np.random.default_rng(1)
     first = random.random(shape, np.float32)

@@ -1,11 +1,8 @@
 """Two versions of a model, drawn from all around."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +12,6 @@ from texbake_cli.main import texbake
 from texbake.errors import OptionError, ReadWarning
 from texbake.mesh.files import write_mesh
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.pages.picture_pages import write_contributions_page
 from texbake.rendering.compare_models import (
@@ -36,7 +32,7 @@ from texbake.texture.png_files import png_parts
 SMALL = RenderOptions(width=48, height=32)
 
 
-def painted(color: tuple[float, float, float], path: Path, mesh: Mesh | None = None) -> Path:
+def painted(color, path, mesh=None):
     mesh = mesh or uv_sphere(12, 16)
     source = ChannelSource(color)
     channels = {"base-color": source, "roughness": ChannelSource((0.5,))}
@@ -48,7 +44,7 @@ def painted(color: tuple[float, float, float], path: Path, mesh: Mesh | None = N
     return path
 
 
-def test_views_are_spread_evenly() -> None:
+def test_views_are_spread_evenly():
     angles = np.radians(sphere_views(12))
     azimuths, elevations = angles.T
     points = np.stack(
@@ -61,7 +57,7 @@ def test_views_are_spread_evenly() -> None:
     assert between.min() > 40.0
 
 
-def test_a_model_is_like_itself(tmp_path: Path) -> None:
+def test_a_model_is_like_itself(tmp_path):
     model = painted((0.8, 0.2, 0.1), tmp_path / "a.glb")
     found = compare_models(model, model, options=SMALL)
     assert found.psnr_db == (math.inf,) * 12 and found.mean_db == found.worst_db == math.inf
@@ -73,7 +69,7 @@ def test_a_model_is_like_itself(tmp_path: Path) -> None:
         assert 0.2 < reddish.mean() < 0.6
 
 
-def test_errors_are_those_of_the_pixels_that_either_model_touches(tmp_path: Path) -> None:
+def test_errors_are_those_of_the_pixels_that_either_model_touches(tmp_path):
     models = [
         painted(color, tmp_path / f"{i}.glb")
         for i, color in enumerate([(0.5, 0.5, 0.5), (0.3, 0.5, 0.5)])
@@ -91,7 +87,7 @@ def test_errors_are_those_of_the_pixels_that_either_model_touches(tmp_path: Path
     assert found.worst_db == min(found.psnr_db) == found.psnr_db[found.worst_view]
 
 
-def test_other_formats_show_their_materials(tmp_path: Path) -> None:
+def test_other_formats_show_their_materials(tmp_path):
     """An OBJ file with an image for its roughness, and its GLB, packed as glTF has it."""
     from texbake.verbs.meshes import transform_file
 
@@ -109,7 +105,7 @@ def test_other_formats_show_their_materials(tmp_path: Path) -> None:
     assert found.worst_db < 40
 
 
-def test_images_without_texture_coordinates_are_left_out(tmp_path: Path) -> None:
+def test_images_without_texture_coordinates_are_left_out(tmp_path):
     mesh = cube().replace(uvs=None, uv_faces=None)
     write_mesh(mesh, tmp_path / "a.obj")
     text = (tmp_path / "a.obj").read_text()
@@ -119,7 +115,7 @@ def test_images_without_texture_coordinates_are_left_out(tmp_path: Path) -> None
     assert len(model_scene(tmp_path / "a.obj").objects) == 1
 
 
-def test_content_that_cannot_be_drawn_is_refused_or_named(tmp_path: Path) -> None:
+def test_content_that_cannot_be_drawn_is_refused_or_named(tmp_path):
     model = painted((0.5, 0.5, 0.5), tmp_path / "a.glb")
     with pytest.raises(OptionError, match="n_views"):
         compare_models(model, model, n_views=0)
@@ -140,7 +136,7 @@ FLAT = BumpMap(texture=ImageTexture(image=np.full((4, 4, 1), 0.5, np.float32)))
 NOISE = ProcedureTexture(procedure="noise", scale=4.0)
 
 
-def scene() -> Scene:
+def scene():
     """A ball over a floor: a shadow, ambient light, bumps on the ball and none on the floor."""
     floor = transform_matrix(scale=6.0, rotate=(-90, 0, 0), translate=(-3, -1, 3))
     ball = Material(shading="lambert", base_color=NOISE)
@@ -158,12 +154,12 @@ def scene() -> Scene:
     )
 
 
-def codes(of: Scene) -> np.ndarray:
+def codes(of):
     frame = render_scene(of, PICTURE)
     return np.asarray(quantize_srgb(frame.color[..., :3], 8)).astype(int)
 
 
-def test_pixels_that_change_are_those_of_pictures_with_and_without() -> None:
+def test_pixels_that_change_are_those_of_pictures_with_and_without():
     given = scene()
     found = {item.name: item for item in
              contributions_of(given, PICTURE, render_scene(given, PICTURE))}  # fmt: skip
@@ -191,7 +187,7 @@ def test_pixels_that_change_are_those_of_pictures_with_and_without() -> None:
     assert (found["bump map"].pixels, found["images"].pixels) == (0, 0)
 
 
-def test_the_page_shows_each_contribution(tmp_path: Path) -> None:
+def test_the_page_shows_each_contribution(tmp_path):
     given = scene()
     frame = render_scene(given, PICTURE)
     found = contributions_of(given, PICTURE, frame)
@@ -204,7 +200,7 @@ def test_the_page_shows_each_contribution(tmp_path: Path) -> None:
     assert page.count("<strong>changed nothing</strong>") == 2
 
 
-def test_the_command_prints_what_changes(tmp_path: Path) -> None:
+def test_the_command_prints_what_changes(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text(
         "[fog]\nmode = 'exp'\ndensity = 0.2\n"

@@ -6,9 +6,7 @@ lamp. Every file that it names is damaged, so that opening one, even for its siz
 """
 
 import re
-from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import pytest
 
@@ -41,11 +39,11 @@ LIT = f"{HEAD}{SUN}{AMBIENT}{BALL}"
 BEHIND = f'{LIT}[[objects]]\nshape = "cube"\ntranslate = [0, 0, 30]\n'
 
 
-def lit(material: str) -> str:
+def lit(material):
     return f"{LIT}material = {{{material}}}\n"
 
 
-def masked(material: str) -> str:
+def masked(material):
     return lit(f'opacity = 0, alpha_mode = "mask"<<, {material}>>')
 
 
@@ -171,7 +169,7 @@ VALUES: dict[str, str] = {
 }  # fmt: skip
 
 
-def method_of(key: str) -> str:
+def method_of(key):
     """A mapping method that has an option."""
     if key in ("surface", "via", "eye"):
         return 'method = "two-part", via = "reflection", eye = [0, 0, 9]'
@@ -183,7 +181,7 @@ def method_of(key: str) -> str:
     return f'method = "{(methods or ["spherical"])[0]}"'
 
 
-def cases() -> Iterator[tuple[str, str, str, str]]:
+def cases():
     """Table, key, the scene without the key, and the scene with it."""
     for table, model in TABLES.items():
         for key in set(model.model_fields) - ALWAYS.get(table, set()):
@@ -201,7 +199,7 @@ def cases() -> Iterator[tuple[str, str, str, str]]:
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("scenes")
     for name in "damaged.png", "damaged.npy":
         (place / name).write_bytes(b"neither an image nor a volume")
@@ -209,7 +207,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @cache
-def picture_of(folder: Path, text: str) -> tuple[bytes, set[tuple[str, str]], set[str]]:
+def picture_of(folder, text):
     """Pixels, passes with what each is for, and those that ran."""
     (folder / "scene.toml").write_text(text)
     scene = read_scene(folder / "scene.toml")
@@ -219,7 +217,7 @@ def picture_of(folder: Path, text: str) -> tuple[bytes, set[tuple[str, str]], se
     return frame.color.tobytes(), plan, ran
 
 
-def test_every_key_of_the_schema_has_a_place_without_effect() -> None:
+def test_every_key_of_the_schema_has_a_place_without_effect():
     found = {(table, key) for table, key, _, _ in cases()}
     expected = {
         (table, key)
@@ -230,7 +228,7 @@ def test_every_key_of_the_schema_has_a_place_without_effect() -> None:
 
 
 @pytest.mark.parametrize("table", PLACES)
-def test_a_key_without_effect_costs_nothing(table: str, folder: Path) -> None:
+def test_a_key_without_effect_costs_nothing(table, folder):
     wrong = []
     for _, key, bare, text in filter(lambda case: case[0] == table, cases()):
         try:

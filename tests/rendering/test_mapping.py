@@ -1,7 +1,6 @@
 """The mapping of an object: computed when something reads its coordinates, and only then."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -40,17 +39,17 @@ PLACE = transform_matrix(rotate=(20.0, 30.0, 0.0), scale=(1.0, -1.2, 0.9))
 BALL = SceneObject(mesh=uv_sphere(8, 16), mapping=MAPPING, name="ball", transform=PLACE)
 
 
-def scene_of(*items: SceneObject) -> Scene:
+def scene_of(*items):
     return Scene(objects=items, lighting=LIGHTING, view=VIEW)
 
 
 @pytest.fixture
-def n_mapped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def n_mapped(monkeypatch):
     """The name of a mesh for each time it is mapped."""
     found: list[str] = []
     work = unwrapping.unwrap
 
-    def counted(mesh: Any, *args: Any, **named: Any) -> Any:
+    def counted(mesh, *args, **named):
         found.append(mesh.name)
         return work(mesh, *args, **named)
 
@@ -59,9 +58,7 @@ def n_mapped(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
-    name: str, n_mapped: list[str]
-) -> None:
+def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(name, n_mapped):
     item = replace(BALL, material=Material(**READERS[name](None)))
     expected = render_scene(scene_of(apply_mapping(item)), OPTIONS)
     other = render_scene(scene_of(replace(item, mapping=None)), OPTIONS)
@@ -74,9 +71,7 @@ def test_the_picture_equals_one_of_a_mesh_with_these_coordinates(
     assert row.milliseconds and row.n_bytes and not row.skipped
 
 
-def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(
-    n_mapped: list[str],
-) -> None:
+def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(n_mapped):
     textured = replace(BALL, material=Material(base_color=IMAGE))
     hidden = replace(
         textured, name="hidden", transform=transform_matrix(translate=(-0.5, -0.5, -3.0))
@@ -96,7 +91,7 @@ def test_the_mapping_of_a_hidden_object_is_not_computed_and_that_of_others_once(
     assert frames[1].color.tobytes() == expected.color.tobytes() == frames[2].color.tobytes()
 
 
-def test_a_mapping_that_cannot_be_computed_names_the_file_and_the_object(tmp_path: Any) -> None:
+def test_a_mapping_that_cannot_be_computed_names_the_file_and_the_object(tmp_path):
     path = tmp_path / "scene.toml"
     write_mesh(cube(), tmp_path / "box.obj")
     ball = '[[objects]]\nname = "ball"\nmesh = "box.obj"\nmapping = "parametric"\n'
@@ -108,7 +103,7 @@ def test_a_mapping_that_cannot_be_computed_names_the_file_and_the_object(tmp_pat
         render_scene(read_scene(path), OPTIONS)
 
 
-def test_light_maps_lie_on_the_coordinates_of_the_mapping() -> None:
+def test_light_maps_lie_on_the_coordinates_of_the_mapping():
     found, expected = (
         bake_light_maps(scene_of(item)).maps[0].values for item in (BALL, apply_mapping(BALL))
     )

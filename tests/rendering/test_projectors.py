@@ -26,7 +26,7 @@ GRAY = Material(shading="unlit", base_color=(0.5, 0.5, 0.5))
 QUARTERS = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32)
 
 
-def drawn(material: Material, *lights: Light, camera: Camera = ABOVE) -> np.ndarray:
+def drawn(material, *lights, camera=ABOVE):
     """(H, W, 3): a level floor about the origin."""
     matrix = transform_matrix(scale=6, rotate=(-90, 0, 0), translate=(-3, 0, 3))
     item = SceneObject(mesh=plane(3, 3), material=material, transform=matrix)
@@ -34,13 +34,13 @@ def drawn(material: Material, *lights: Light, camera: Camera = ABOVE) -> np.ndar
     return draw(prepare(scene, OPTIONS), camera).color[..., :3]
 
 
-def floor_points(camera: Camera = ABOVE) -> np.ndarray:
+def floor_points(camera=ABOVE):
     """(H, W, 2): x and z where the middles of pixels see the floor's plane."""
     rays = pixel_rays(camera, 120, 120)
     return np.asarray((camera.eye - camera.eye[1] / rays[..., 1:2] * rays)[..., [0, 2]])
 
 
-def spot(cookie: np.ndarray | None, height: float = 4.0, **more: object) -> Light:
+def spot(cookie, height=4.0, **more):
     profile = None if cookie is None else ImageTexture(image=cookie, filter="nearest")
     return Light(
         kind="spot", position=(0, height, 0), direction=(0, -2, 0), up=(0, 0, -1), angle=50.0,
@@ -48,7 +48,7 @@ def spot(cookie: np.ndarray | None, height: float = 4.0, **more: object) -> Ligh
     )  # fmt: skip
 
 
-def test_a_cookie_colors_the_light_of_a_spot() -> None:
+def test_a_cookie_colors_the_light_of_a_spot():
     bare, colored = (drawn(WHITE, spot(cookie)) for cookie in (None, QUARTERS))
     at = floor_points()
     lit = bare[..., 0] > 0.0
@@ -64,7 +64,7 @@ def test_a_cookie_colors_the_light_of_a_spot() -> None:
 
 
 @pytest.mark.parametrize("size", [(32, 48), (48, 32), (40, 40)])
-def test_a_white_cookie_is_a_rectangle_of_its_own_shape(size: tuple[int, int]) -> None:
+def test_a_white_cookie_is_a_rectangle_of_its_own_shape(size):
     """A cookie of 48 x 32 lights a rectangle of 3:2, whose longer side fills the angle."""
     cookie = replace(spot(np.ones((*size, 3), np.float32)), gate="rectangle", blend=0.3)
     found = drawn(WHITE, cookie)[..., 0] > 0.0
@@ -77,7 +77,7 @@ def test_a_white_cookie_is_a_rectangle_of_its_own_shape(size: tuple[int, int]) -
     assert x / z == pytest.approx(size[1] / size[0], abs=0.05)
 
 
-def test_the_shape_of_a_cookie_may_be_given_and_its_gate_round() -> None:
+def test_the_shape_of_a_cookie_may_be_given_and_its_gate_round():
     white = np.ones((32, 48, 3), np.float32)
     bare = drawn(WHITE, spot(None))
     # Without a cookie there is no gate but the cone; a cookie fills it with its shorter side.
@@ -88,10 +88,10 @@ def test_the_shape_of_a_cookie_may_be_given_and_its_gate_round() -> None:
     np.testing.assert_array_equal(given, (np.abs(floor_points()) < limit).all(axis=-1))
 
 
-def test_light_profiles_are_left_out_where_nothing_asks() -> None:
+def test_light_profiles_are_left_out_where_nothing_asks():
     item = SceneObject(mesh=plane(), material=WHITE)
 
-    def why(*lights: Light) -> list[str]:
+    def why(*lights):
         scene = Scene(objects=(item,), lighting=Lighting(lights=lights))
         camera = Camera.framing(item.mesh)
         left_out = plan_of(prepare(scene, OPTIONS), camera).left_out
@@ -104,21 +104,21 @@ def test_light_profiles_are_left_out_where_nothing_asks() -> None:
     assert why(spot(QUARTERS)) == []
 
 
-def texture_of(pixels: np.ndarray, **more: object) -> ImageTexture:
+def texture_of(pixels, **more):
     return ImageTexture(image=pixels.astype(np.float32), filter="nearest", **more)  # type: ignore[arg-type]
 
 
 SLANTED = projector_matrix(position=(2, 3, 1), target=(0.2, 0, 0.1), fov=30, aspect=1.5)
 
 
-def places(matrix: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def places(matrix, at):
     """s/q, t/q and q of places on the floor."""
     x, z = at[..., 0], at[..., 1]
     s, t, _, q = (row[0] * x + row[2] * z + row[3] for row in matrix)
     return s / q, t / q, q
 
 
-def test_a_picture_replaces_the_base_color_inside_its_square() -> None:
+def test_a_picture_replaces_the_base_color_inside_its_square():
     found = drawn(
         replace(GRAY, projected=(ProjectedTexture(texture=texture_of(QUARTERS), matrix=SLANTED),))
     )
@@ -133,19 +133,19 @@ def test_a_picture_replaces_the_base_color_inside_its_square() -> None:
     np.testing.assert_array_equal(found[on_floor & far], expected[on_floor & far])
 
 
-def test_a_matrix_may_have_three_rows() -> None:
+def test_a_matrix_may_have_three_rows():
     picture = ProjectedTexture(texture=texture_of(QUARTERS), matrix=SLANTED[[0, 1, 3]])
     np.testing.assert_array_equal(picture.matrix[[0, 1, 3]], SLANTED[[0, 1, 3]])
     np.testing.assert_array_equal(picture.matrix[2], SLANTED[3])
 
 
 @pytest.mark.parametrize("matrix", [np.eye(3), np.full((3, 4), np.nan), np.eye(4)[None]])
-def test_other_matrices_are_refused(matrix: np.ndarray) -> None:
+def test_other_matrices_are_refused(matrix):
     with pytest.raises(OptionError, match="it is not 4 x 4 or 3 x 4 finite numbers"):
         ProjectedTexture(texture=ImageTexture(image=QUARTERS), matrix=matrix)
 
 
-def test_opacity_and_strength_mix_pictures_over_one_another() -> None:
+def test_opacity_and_strength_mix_pictures_over_one_another():
     clear = np.zeros((1, 1, 4))
     half = np.array([[[0.0, 1.0, 0.0, 0.5]]])
     full = np.array([[[1.0, 0.0, 0.0]]])
@@ -160,7 +160,7 @@ def test_opacity_and_strength_mix_pictures_over_one_another() -> None:
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def test_nothing_is_thrown_behind_the_projector() -> None:
+def test_nothing_is_thrown_behind_the_projector():
     # Below the floor and looking down: the floor lies behind, at mirrored (s/q, t/q) inside [0, 1].
     matrix = projector_matrix(position=(0, -3, 0), target=(0, -9, 0), up=(0, 0, -1), fov=90)
     s, t, q = places(matrix, floor_points())
@@ -169,7 +169,7 @@ def test_nothing_is_thrown_behind_the_projector() -> None:
     np.testing.assert_array_equal(drawn(replace(GRAY, projected=pictures)), drawn(GRAY))
 
 
-def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite() -> None:
+def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite():
     image = load_cookie(texture_of(QUARTERS), QUARTERS, filter_name="trilinear", name="cookie")
     points = np.array([[2.0, 3.0, 1.0], [1e300, -1e300, 0.0], [0.0, 0.0, 0.0]])
     steps = np.full((3, 2, 3), np.inf)
@@ -181,7 +181,7 @@ def test_points_in_the_projector_and_far_away_get_nothing_that_is_not_finite() -
 @pytest.mark.parametrize(
     "camera", [ABOVE, Camera.looking_at((1, 4, 4), (0, 0, 0), fov=0.9, near=0.1)]
 )
-def test_a_border_is_as_smooth_as_the_pixels_are_wide(camera: Camera) -> None:
+def test_a_border_is_as_smooth_as_the_pixels_are_wide(camera):
     # With a filter over the pixel the border is the share of the pixel's width inside the square.
     # That width is what the derivatives say; here it is measured between neighboring pixels.
     texture = ImageTexture(image=np.ones((1, 1, 3), np.float32), filter="trilinear")
@@ -205,13 +205,13 @@ def test_a_border_is_as_smooth_as_the_pixels_are_wide(camera: Camera) -> None:
     np.testing.assert_allclose(found[on_floor], expected[on_floor], atol=0.02)
 
 
-def test_a_fine_picture_far_away_is_its_mean() -> None:
+def test_a_fine_picture_far_away_is_its_mean():
     # Stripes much finer than a pixel: without derivatives they would be black or white.
     stripes = np.zeros((1024, 1024, 3), np.float32)
     stripes[:, ::2] = 1.0
     matrix = projector_matrix(position=(0, 3, 0), target=(0, 0, 0), up=(0, 0, -1), fov=20)
 
-    def spread(kind: str) -> np.ndarray:
+    def spread(kind):
         picture = ProjectedTexture(texture=ImageTexture(image=stripes, filter=kind), matrix=matrix)
         found = drawn(replace(GRAY, projected=(picture,)))
         s, t, _ = places(matrix, floor_points())
@@ -221,7 +221,7 @@ def test_a_fine_picture_far_away_is_its_mean() -> None:
     assert np.abs(spread("nearest") - 0.5).min() == 0.5
 
 
-def test_factors_and_their_faults() -> None:
+def test_factors_and_their_faults():
     matrix = projector_matrix(position=(0, 5, 0), target=(0, 0, 0), up=(0, 0, -1), fov=100)
     white = np.ones((1, 1, 3))
     texture = texture_of(white, factor=(0.5, 0.25, 1.0))
@@ -233,7 +233,7 @@ def test_factors_and_their_faults() -> None:
         drawn(WHITE, broken)
 
 
-def shelf_scene(**options: object) -> np.ndarray:
+def shelf_scene(**options):
     """(H, W, 3): a floor at 0 and a shelf of 1 x 1 at height 2, lit by a picture from height 4."""
     matrix = projector_matrix(position=(0, 4, 0), target=(0, 0, 0), up=(0, 0, -1), fov=60)
     white = ImageTexture(image=np.ones((2, 2, 3), np.float32), filter="nearest")
@@ -251,7 +251,7 @@ def shelf_scene(**options: object) -> np.ndarray:
     return draw(prepare(Scene(objects=objects), OPTIONS), camera).color[..., :3]
 
 
-def side_points(height: float) -> np.ndarray:
+def side_points(height):
     """(H, W, 2): x and z where pixels of that camera meet a level plane; NaN above the horizon."""
     camera = Camera.looking_at((0, 1.0, 5), (0, 1.0, 0), fov=math.radians(50), near=0.01)
     rays = pixel_rays(camera, 120, 120)
@@ -259,7 +259,7 @@ def side_points(height: float) -> np.ndarray:
     return np.where(along > 0.0, camera.eye + along * rays, np.nan)[..., [0, 2]]
 
 
-def test_a_picture_is_not_thrown_on_what_is_hidden() -> None:
+def test_a_picture_is_not_thrown_on_what_is_hidden():
     """The shadow of a shelf half way down is twice as wide on the floor."""
     plain, hidden = shelf_scene(), shelf_scene(occlusion=True)
     widest = np.abs(side_points(0.0)).max(axis=-1)
@@ -270,7 +270,7 @@ def test_a_picture_is_not_thrown_on_what_is_hidden() -> None:
     np.testing.assert_array_equal(hidden[dark], 0.5)
 
 
-def test_a_picture_is_not_thrown_on_what_faces_away() -> None:
+def test_a_picture_is_not_thrown_on_what_faces_away():
     """The camera sees the shelf from below and the floor from above."""
     plain, facing = shelf_scene(), shelf_scene(facing=True)
     below = np.abs(side_points(2.0)).max(axis=-1) < 0.48
@@ -281,7 +281,7 @@ def test_a_picture_is_not_thrown_on_what_faces_away() -> None:
     np.testing.assert_array_equal(facing[floor], 1.0)
 
 
-def test_parallel_rays_have_no_projector_to_face() -> None:
+def test_parallel_rays_have_no_projector_to_face():
     texture = texture_of(QUARTERS)
     ProjectedTexture(texture=texture, matrix=np.eye(4))
     for name in "facing", "occlusion":

@@ -6,7 +6,6 @@ counts, for which that error must come.
 
 import os
 from dataclasses import fields, is_dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,12 +43,12 @@ LAMBERT = {"shading": "lambert"}
 MATRIX = np.eye(4)
 
 
-def scene_of(lighting: Lighting, **material: Any) -> Scene:
+def scene_of(lighting, **material):
     objects = (SceneObject(mesh=uv_sphere(6, 8), material=Material(**material), name="ball"),)
     return Scene(objects=objects, lighting=lighting)
 
 
-def normal_map(**given: Any) -> NormalMap:
+def normal_map(**given):
     return NormalMap(texture=IMAGE, space="tangent", convention="opengl", **given)
 
 
@@ -151,7 +150,7 @@ HIDDEN: dict[str, tuple[Lighting, dict[str, Any], Lighting, dict[str, Any]]] = {
 
 
 @pytest.mark.parametrize("name", HIDDEN)
-def test_nothing_is_read_or_computed_for_what_changes_no_pixel(name: str) -> None:
+def test_nothing_is_read_or_computed_for_what_changes_no_pixel(name):
     lighting, material, other_lighting, counts = HIDDEN[name]
     scene = scene_of(lighting, **material)
     camera = camera_of(scene, OPTIONS)
@@ -169,7 +168,7 @@ def test_nothing_is_read_or_computed_for_what_changes_no_pixel(name: str) -> Non
     np.testing.assert_array_equal(seen.coverage, drawn.coverage)
 
 
-def _with_image(part: Any, image: ImageTexture) -> Any:
+def _with_image(part, image):
     """Return a part of a material with another image in the place of the missing one."""
     if part is IMAGE:
         return image
@@ -182,7 +181,7 @@ def _with_image(part: Any, image: ImageTexture) -> Any:
 
 
 @pytest.mark.parametrize("field", ["normal_map", "bump_map"])
-def test_normals_that_the_caller_keeps_count(field: str) -> None:
+def test_normals_that_the_caller_keeps_count(field):
     maps = {"normal_map": normal_map(), "bump_map": BumpMap(texture=IMAGE)}
     scene = scene_of(AMBIENT, **UNLIT, **{field: maps[field]})
     with pytest.raises(FileError, match=r"missing\.png"):
@@ -192,7 +191,7 @@ def test_normals_that_the_caller_keeps_count(field: str) -> None:
 @pytest.mark.parametrize(
     "environment", [Environment(image=AROUND), Environment(faces=(AROUND[:, :4],) * 6)]
 )
-def test_an_unlit_mirror_needs_its_normal_map(environment: Environment) -> None:
+def test_an_unlit_mirror_needs_its_normal_map(environment):
     around = replace(AMBIENT, environment=environment)
     scene = scene_of(around, **UNLIT, normal_map=normal_map(), reflection=Reflection())
     with pytest.raises(FileError, match=r"missing\.png"):
@@ -203,9 +202,7 @@ def test_an_unlit_mirror_needs_its_normal_map(environment: Environment) -> None:
 @pytest.mark.parametrize(
     ("degrees", "meets"), [(0.0, True), (49.0, True), (90.0, False), (180.0, False)]
 )
-def test_a_spot_that_shines_past_all_objects_is_dark(
-    degrees: float, meets: bool, gate: str
-) -> None:
+def test_a_spot_that_shines_past_all_objects_is_dark(degrees, meets, gate):
     # The ball's bounding sphere, of radius sqrt(3), is seen from 4 units away under 25.7 degrees
     # to each side; the light has 20 to each side, and 27.2 to the corners of its cookie.
     radians = np.radians(degrees)
@@ -254,9 +251,7 @@ RELIEF = ImageTexture(image=np.random.default_rng(0).random((16, 16, 1)).astype(
         (replace(BELOW, aspect=1.0), LAMBERT, 1),
     ],
 )  # fmt: skip
-def test_only_lamps_that_reach_a_visible_pixel_get_a_shadow_map(
-    light: Light, material: dict[str, Any], n_maps: int
-) -> None:
+def test_only_lamps_that_reach_a_visible_pixel_get_a_shadow_map(light, material, n_maps):
     light = replace(light, shadow=Shadow(size=64))
     lighting = Lighting(lights=(light,), ambient=Ambient(color=(0.1, 0.1, 0.1)))
     scene = replace(scene_of(lighting, **material), view=FRONT)
@@ -283,7 +278,7 @@ METAL = {"shading": "metallic-roughness", "metalness": 1.0}
         (LAMBERT | {"metalness": 1.0}, True),
     ],
 )
-def test_only_surfaces_that_scatter_need_irradiance(fields: dict[str, Any], scatters: bool) -> None:
+def test_only_surfaces_that_scatter_need_irradiance(fields, scatters):
     """In an environment of one color; other tests compare the mirrors of pure metals."""
     around = Environment(color=(0.2, 0.5, 0.9), lighting=True, background=False, size=8)
     scene = scene_of(Lighting(environment=around), **fields)
@@ -299,16 +294,14 @@ def test_only_surfaces_that_scatter_need_irradiance(fields: dict[str, Any], scat
         np.testing.assert_array_equal(draw(prepare(both, OPTIONS), camera).color, frame.color)
 
 
-def test_baked_light_falls_on_a_surface_whose_model_reads_no_metalness() -> None:
+def test_baked_light_falls_on_a_surface_whose_model_reads_no_metalness():
     scene = scene_of(Lighting(), **LAMBERT, metalness=1.0, light_map=(0.5, 0.25, 1.0))
     color = draw(prepare(scene, OPTIONS), camera_of(scene, OPTIONS)).color[12, 16, :3]
     np.testing.assert_allclose(color, np.multiply(0.8, (0.5, 0.25, 1.0)), rtol=1e-6)
 
 
 @pytest.mark.parametrize(("alpha", "covered"), [(0.7, False), (0.95, True)])
-def test_opacity_above_the_cutoff_counts_beside_that_of_an_image(
-    alpha: float, covered: bool
-) -> None:
+def test_opacity_above_the_cutoff_counts_beside_that_of_an_image(alpha, covered):
     image = np.full((2, 2, 4), alpha, np.float32)
     scene = scene_of(
         AMBIENT, **LAMBERT, base_color=ImageTexture(image=image), opacity=0.6, alpha_mode="mask"
@@ -321,7 +314,7 @@ def test_opacity_above_the_cutoff_counts_beside_that_of_an_image(
     assert (behind.color[12, 16, :3] != behind.color[0, 0, :3]).any()
 
 
-def test_a_black_or_perfect_mirror_keeps_its_bumps() -> None:
+def test_a_black_or_perfect_mirror_keeps_its_bumps():
     heights = np.random.default_rng(1).random((8, 8, 1)).astype(np.float32)
     bumps = BumpMap(texture=ImageTexture(image=heights), height=0.2)
     for mirror in (Reflection(strength=0.5), Reflection()):
@@ -335,7 +328,7 @@ def test_a_black_or_perfect_mirror_keeps_its_bumps() -> None:
         assert np.abs(found - draw(prepare(flat, OPTIONS), camera).color).max() > 0.05
 
 
-def test_simpler_materials_look_the_same(images: Path) -> None:
+def test_simpler_materials_look_the_same(images):
     """An effect of the caller's own keeps materials as they are."""
     for seed in range(N_RANDOM_SCENES):
         scene, options = random_scene(seed, images)

@@ -11,11 +11,9 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
-from texbake.rendering.effect import Plan
 from texbake.rendering.effects.lights import PlacedLight
 from texbake.rendering.effects.shadow_fit import may_shade
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.resolve import Frame
 from texbake.rendering.scene.lights import Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject, corners_of, transform_matrix
@@ -28,38 +26,32 @@ SPHERE = icosphere(5)
 SAG = 1.0 - math.cos(math.radians(63.5 / 32 / math.sqrt(3)))
 
 
-def floor(half: float = 3.0, n: int = 1, **more: object) -> SceneObject:
+def floor(half=3.0, n=1, **more):
     """Square of half a side about the origin, facing up."""
     matrix = transform_matrix(scale=2 * half, rotate=(-90, 0, 0), translate=(-half, 0, half))
     return SceneObject(mesh=plane(n, n), material=WHITE, transform=matrix, name="floor", **more)  # type: ignore[arg-type]
 
 
-def ball(center: tuple[float, float, float], radius: float, **more: object) -> SceneObject:
+def ball(center, radius, **more):
     matrix = transform_matrix(scale=radius, translate=center)
     return SceneObject(mesh=SPHERE, material=WHITE, transform=matrix, name="ball", **more)  # type: ignore[arg-type]
 
 
-def quad(*corners: tuple[float, float, float]) -> Mesh:
+def quad(*corners):
     return Mesh(positions=np.array(corners, float), faces=np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def light(kind: str = "directional", size: int = 256, radius: float = 1.5, **more: object) -> Light:
+def light(kind="directional", size=256, radius=1.5, **more):
     shadow = Shadow(size=size, filter_radius=radius)
     return Light(kind=kind, decay=0.0, blend=0.0, shadow=shadow, **more)  # type: ignore[arg-type]
 
 
-def drawn(
-    *objects: SceneObject,
-    light: Light,
-    camera: Camera = ABOVE,
-    options: RenderOptions = OPTIONS,
-    threads: int | None = None,
-) -> Frame:
+def drawn(*objects, light, camera=ABOVE, options=OPTIONS, threads=None):
     scene = Scene(objects=objects, lighting=Lighting(lights=(light,)))
     return draw(prepare(scene, options, threads=threads), camera)
 
 
-def share(*objects: SceneObject, light: Light, camera: Camera = ABOVE) -> np.ndarray:
+def share(*objects, light, camera=ABOVE):
     """(H, W): share of the light that shadows let through; NaN for pixels without light."""
     bare = Light(
         kind=light.kind, decay=0.0, blend=0.0, position=light.position, direction=light.direction,
@@ -72,16 +64,14 @@ def share(*objects: SceneObject, light: Light, camera: Camera = ABOVE) -> np.nda
         return np.where(full > 0.0, shaded.color[..., 0] / full, np.nan)
 
 
-def points(
-    camera: Camera = ABOVE, height: float = 0.0, options: RenderOptions = OPTIONS
-) -> np.ndarray:
+def points(camera=ABOVE, height=0.0, options=OPTIONS):
     """(H, W, 3): where the middles of pixels see a level plane; NaN where they do not."""
     rays = pixel_rays(camera, options.width, options.height)
     along = (height - camera.eye[1]) / rays[..., 1]
     return np.where(along[..., None] > 0.0, camera.eye + along[..., None] * rays, np.nan)
 
 
-def beside(at: np.ndarray, source: np.ndarray, center: tuple[float, float, float]) -> np.ndarray:
+def beside(at, source, center):
     """How far the line from points to a source (x, y, z, 1), or (x, y, z, 0), passes a center."""
     toward = source[:3] - at if source[3] else np.broadcast_to(source[:3], at.shape)
     toward = toward / np.linalg.norm(toward, axis=-1, keepdims=True)
@@ -106,7 +96,7 @@ SOURCES = {
 }
 
 
-def texel_at(source: Light, distance: float) -> float:
+def texel_at(source, distance):
     """Most that a texel is wide at a distance from a light, across the light."""
     assert source.shadow is not None
     inner = source.shadow.size - 2 * (math.ceil(source.shadow.filter_radius) + 1)
@@ -121,7 +111,7 @@ def texel_at(source: Light, distance: float) -> float:
 
 
 @pytest.mark.parametrize("kind", SOURCES)
-def test_a_ball_throws_the_shadow_of_the_cone_around_it(kind: str) -> None:
+def test_a_ball_throws_the_shadow_of_the_cone_around_it(kind):
     source, place = SOURCES[kind]
     found = share(floor(), ball(CENTER, RADIUS), light=source)
     at = points()
@@ -147,7 +137,7 @@ def test_a_ball_throws_the_shadow_of_the_cone_around_it(kind: str) -> None:
         for j, elevation in enumerate((90.0, 30.0, 3.0, 0.1))
     ],
 )
-def test_a_plane_is_lit_all_over_at_any_slope(size: int, radius: float, elevation: float) -> None:
+def test_a_plane_is_lit_all_over_at_any_slope(size, radius, elevation):
     # The post makes the object no flat one, and stands, with its shadow, outside the picture.
     post = quad((20, -1, 20), (20, 1, 20), (20, 1, 20.1), (20, -1, 20.1))
     ground = quad((-9, 0, 9), (9, 0, 9), (9, 0, -9), (-9, 0, -9))
@@ -166,9 +156,7 @@ def test_a_plane_is_lit_all_over_at_any_slope(size: int, radius: float, elevatio
         for j, direction in enumerate(((0.0, -1.0, 0.0), (0.4, -1.0, 0.3), (0.0, -1.0, 0.9)))
     ],
 )
-def test_a_bent_surface_does_not_shade_itself(
-    bend: float, direction: tuple[float, float, float], size: int, n: int
-) -> None:
+def test_a_bent_surface_does_not_shade_itself(bend, direction, size, n):
     # Its steepest slope, 0.8 bend, is far below the sun's: all of it is lit.
     mesh = plane(n, n, lambda u, v: bend * ((2 * u - 1) ** 2 + (2 * v - 1) ** 2))
     matrix = transform_matrix(scale=(6, 6, 2), rotate=(-90, 0, 0), translate=(-3, 0, 3))
@@ -180,7 +168,7 @@ def test_a_bent_surface_does_not_shade_itself(
 
 @pytest.mark.parametrize("size", [32, 256, 1024])
 @pytest.mark.parametrize("is_one", [False, True], ids=["two objects", "one object"])
-def test_a_shadow_begins_at_the_foot_of_a_wall(size: int, is_one: bool) -> None:
+def test_a_shadow_begins_at_the_foot_of_a_wall(size, is_one):
     wall = quad((0, 0, 2), (0, 0, -2), (0, 1, -2), (0, 1, 2))
     ground = quad((-3, 0, 3), (3, 0, 3), (3, 0, -3), (-3, 0, -3))
     meshes = [join_meshes([wall, ground])] if is_one else [wall, ground]
@@ -202,7 +190,7 @@ def test_a_shadow_begins_at_the_foot_of_a_wall(size: int, is_one: bool) -> None:
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.5, 1.5, 3.25])
-def test_the_filter_is_the_mean_over_its_square(radius: float) -> None:
+def test_the_filter_is_the_mean_over_its_square(radius):
     # The lid's edge, x = 0, lies between two texels, of which 8 are one unit.
     size = 16 + 2 * (math.ceil(radius) + 1)
     lid = SceneObject(
@@ -225,7 +213,7 @@ def test_the_filter_is_the_mean_over_its_square(radius: float) -> None:
     np.testing.assert_allclose(found, expected, atol=3e-7)
 
 
-def test_the_faces_of_a_point_light_meet_without_a_seam() -> None:
+def test_the_faces_of_a_point_light_meet_without_a_seam():
     # Balls on edges and corners of the cube, in a great ball that is seen from inside.
     ways = [(1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0.96, -0.3)]
     balls = [ball(tuple(1.5 * c for c in way), 0.3) for way in ways]  # type: ignore[arg-type]
@@ -253,8 +241,8 @@ def test_the_faces_of_a_point_light_meet_without_a_seam() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1e6])
-def test_size_and_place_change_nothing(scale: float) -> None:
-    def scene(factor: float) -> np.ndarray:
+def test_size_and_place_change_nothing(scale):
+    def scene(factor):
         matrix = transform_matrix(scale=factor)
         objects = []
         for item in floor(), ball(CENTER, RADIUS):
@@ -274,7 +262,7 @@ def test_size_and_place_change_nothing(scale: float) -> None:
     assert (np.abs(here - there)[known] > 1e-4).mean() < 0.002
 
 
-def test_what_does_not_cast_or_receive_is_left_alone() -> None:
+def test_what_does_not_cast_or_receive_is_left_alone():
     at = points()
     below = beside(at, np.array([0.5, 1.0, -0.3, 0.0]), CENTER) < 0.5 * RADIUS
     sun = light(direction=SUN)
@@ -287,7 +275,7 @@ def test_what_does_not_cast_or_receive_is_left_alone() -> None:
     assert (kept[below & np.isfinite(kept)] == 1.0).all()
 
 
-def plan(*objects: SceneObject, light: Light, camera: Camera = ABOVE) -> Plan:
+def plan(*objects, light, camera=ABOVE):
     scene = Scene(objects=objects, lighting=Lighting(lights=(light,)))
     return plan_of(prepare(scene, OPTIONS), camera)
 
@@ -325,7 +313,7 @@ LEFT_OUT = {
 
 
 @pytest.mark.parametrize("case", LEFT_OUT)
-def test_a_map_that_nothing_needs_is_left_out(case: str) -> None:
+def test_a_map_that_nothing_needs_is_left_out(case):
     objects, source, why = LEFT_OUT[case]
     found = plan(*objects, light=source)
     assert not found.has("shadow maps") and not found.has("shadows")
@@ -334,7 +322,7 @@ def test_a_map_that_nothing_needs_is_left_out(case: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["directional", "point", "spot"])
-def test_objects_that_shade_others_are_not_left_out(kind: str) -> None:
+def test_objects_that_shade_others_are_not_left_out(kind):
     """Boxes at random places. One shades the other if lines from there to the light meet it."""
     random = np.random.default_rng(3)
     zero = np.zeros(3)
@@ -360,7 +348,7 @@ def test_objects_that_shade_others_are_not_left_out(kind: str) -> None:
     assert n_shading >= 5
 
 
-def test_a_map_is_not_made_for_what_turns_out_hidden() -> None:
+def test_a_map_is_not_made_for_what_turns_out_hidden():
     # The receiver stands behind a wall that is not one.
     wall = SceneObject(
         mesh=quad((-5, 2, 5), (5, 2, 5), (5, 2, -5), (-5, 2, -5)),

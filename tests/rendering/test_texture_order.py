@@ -20,11 +20,11 @@ CAMERA = Camera.looking_at((0.5, 0.5, 2.0), (0.5, 0.5, 0.0), fov=2 * math.atan(0
 SLANTED = Camera.looking_at((0.9, -1.0, 1.6), (0.5, 0.5, 0.0), fov=math.radians(40), near=0.01)
 
 
-def texture(n: int, seed: int = 0) -> np.ndarray:
+def texture(n, seed=0):
     return np.random.default_rng(seed).random((n, n, 3)).astype(np.float32)
 
 
-def drawn(pixels: np.ndarray, order: str, camera: Camera = CAMERA, mesh=None, **options):
+def drawn(pixels, order, camera=CAMERA, mesh=None, **options):
     material = Material(
         shading="lambert", base_color=ImageTexture(image=pixels, filter="nearest", wrap="clamp")
     )
@@ -33,7 +33,7 @@ def drawn(pixels: np.ndarray, order: str, camera: Camera = CAMERA, mesh=None, **
     return draw(prepare(scene, given), camera)
 
 
-def screen_places(n: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+def screen_places(n, camera):
     """(n, n) columns and rows of the pixels of texels of the unit square z = 0."""
     s, t = np.meshgrid((np.arange(n) + 0.5) / n, 1.0 - (np.arange(n) + 0.5) / n)
     points = np.stack([s, t, np.zeros_like(s), np.ones_like(s)])
@@ -42,7 +42,7 @@ def screen_places(n: int, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("order", ["texture", "texture-coverage"])
-def test_a_texel_per_pixel_is_the_picture_in_screen_order(order: str) -> None:
+def test_a_texel_per_pixel_is_the_picture_in_screen_order(order):
     # The camera sees just the unit square.
     pixels = texture(SIZE)
     frame = drawn(pixels, order)
@@ -52,7 +52,7 @@ def test_a_texel_per_pixel_is_the_picture_in_screen_order(order: str) -> None:
     assert (report.pixels, report.gaps, report.double_writes) == (SIZE**2, 0, 0)
 
 
-def test_a_magnified_texture_leaves_gaps_that_can_be_counted() -> None:
+def test_a_magnified_texture_leaves_gaps_that_can_be_counted():
     frame = drawn(texture(SIZE // 4), "texture")
     # One pixel of each 4 x 4 is written.
     assert frame.texels.gaps == SIZE**2 * 15 // 16
@@ -68,7 +68,7 @@ def test_a_magnified_texture_leaves_gaps_that_can_be_counted() -> None:
     )
 
 
-def test_a_minified_texture_is_written_twice_or_averaged() -> None:
+def test_a_minified_texture_is_written_twice_or_averaged():
     pixels = texture(SIZE * 2)
     frame = drawn(pixels, "texture")
     assert (frame.texels.gaps, frame.texels.double_writes) == (0, SIZE**2)
@@ -78,7 +78,7 @@ def test_a_minified_texture_is_written_twice_or_averaged() -> None:
 
 
 @pytest.mark.parametrize("n", [20, 48, 150])
-def test_a_slanted_plane_against_texel_after_texel(n: int) -> None:
+def test_a_slanted_plane_against_texel_after_texel(n):
     pixels = texture(n)
     frame = drawn(pixels, "texture", SLANTED)
     columns, rows = screen_places(n, SLANTED)
@@ -109,7 +109,7 @@ def test_a_slanted_plane_against_texel_after_texel(n: int) -> None:
     assert len(wrong) <= 0.02 * one.sum()
 
 
-def test_the_far_side_of_a_ball_is_hidden() -> None:
+def test_the_far_side_of_a_ball_is_hidden():
     camera = Camera.looking_at((0, 0, 5.0), (0, 0, 0), fov=math.radians(30), near=0.01)
     frame = drawn(texture(64), "texture", camera, uv_sphere(16, 32))
     report = frame.texels
@@ -118,7 +118,7 @@ def test_the_far_side_of_a_ball_is_hidden() -> None:
     assert report.pixels == pytest.approx((by_screen.coverage > 0.5).sum(), rel=0.1)
 
 
-def test_only_base_colors_are_shown_and_objects_without_an_image_as_always() -> None:
+def test_only_base_colors_are_shown_and_objects_without_an_image_as_always():
     scene = Scene(
         objects=(
             SceneObject(mesh=plane(), material=Material(base_color=(0.2, 0.4, 0.6)), name="plain"),
@@ -132,6 +132,6 @@ def test_only_base_colors_are_shown_and_objects_without_an_image_as_always() -> 
 
 
 @pytest.mark.parametrize("other", [{"buffer": "uv"}, {"max_error": 0.01}])
-def test_texels_are_not_samples(other: dict[str, object]) -> None:
+def test_texels_are_not_samples(other):
     with pytest.raises(OptionError, match=r"mapping_order, .*: texels are not samples of a pixel"):
         RenderOptions(width=8, height=8, mapping_order="texture", **other)

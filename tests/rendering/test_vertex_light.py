@@ -1,7 +1,6 @@
 """Shading per vertex: the light of corners, interpolated, against closed forms."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,19 +22,19 @@ QUARTERS = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 1, 0]]], np.float32
 TEXTURE = ImageTexture(image=QUARTERS, filter="nearest")
 
 
-def picture(mesh: Any, lighting: Lighting | None = None, **material: Any) -> np.ndarray:
+def picture(mesh, lighting=None, **material):
     item = SceneObject(mesh=mesh, material=Material(**material))
     scene = Scene(objects=(item,), lighting=lighting or Lighting(lights=(LAMP,)))
     return draw(prepare(scene, OPTIONS), CAMERA).color[..., :3]
 
 
-def unit_square_points() -> np.ndarray:
+def unit_square_points():
     """(60, 60, 2): x and y where the middles of pixels see the plane z = 0."""
     rays = pixel_rays(CAMERA, 60, 60)
     return np.asarray((CAMERA.eye - CAMERA.eye[2] / rays[..., 2:] * rays)[..., :2])
 
 
-def lambert_at(points: np.ndarray) -> np.ndarray:
+def lambert_at(points):
     """(...,): light of the lamp that a white plane z = 0 reflects at points (..., 2)."""
     way = np.asarray(LAMP.position) - np.concatenate(
         [points, np.zeros((*points.shape[:-1], 1))], -1
@@ -45,7 +44,7 @@ def lambert_at(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("base", [(1.0, 1.0, 1.0), (0.2, 0.5, 0.9), TEXTURE], ids=str)
-def test_the_light_of_three_corners_is_interpolated_and_the_base_color_is_not(base: Any) -> None:
+def test_the_light_of_three_corners_is_interpolated_and_the_base_color_is_not(base):
     at = unit_square_points()
     x, y = np.moveaxis(at, -1, 0)
     lit = {
@@ -72,7 +71,7 @@ def test_the_light_of_three_corners_is_interpolated_and_the_base_color_is_not(ba
 
 @pytest.mark.parametrize("shading", ["lambert", "blinn-phong", "metallic-roughness"])
 @pytest.mark.parametrize("metalness", [0.0, 1.0])
-def test_small_triangles_come_to_look_as_shaded_per_pixel(shading: str, metalness: float) -> None:
+def test_small_triangles_come_to_look_as_shaded_per_pixel(shading, metalness):
     material = {"shading": shading, "metalness": metalness, "base_color": (0.9, 0.5, 0.2)}
     light = Lighting(
         lights=(LAMP,), ambient=Ambient(color=(0.2, 0.1, 0.1), ground=(0.0, 0.1, 0.3)),
@@ -89,7 +88,7 @@ def test_small_triangles_come_to_look_as_shaded_per_pixel(shading: str, metalnes
     assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
 
 
-def test_bumps_between_the_corners_do_not_show() -> None:
+def test_bumps_between_the_corners_do_not_show():
     heights = np.zeros((64, 64, 1), np.float32)
     heights[16:48, 16:48] = 1.0
     bumps = BumpMap(texture=ImageTexture(image=heights), height=0.05)
@@ -102,7 +101,7 @@ def test_bumps_between_the_corners_do_not_show() -> None:
     assert np.abs(by_pixel - smooth).max() > 0.1
 
 
-def test_a_normal_map_is_looked_up_at_the_corners() -> None:
+def test_a_normal_map_is_looked_up_at_the_corners():
     tilted = np.array([0.6, 0.0, 0.8], np.float32)
     texels = np.tile(tilted, (4, 4, 1)).astype(np.float32)
     sun = Lighting(lights=(Light(direction=(-0.6, 0.0, -0.8)),))
@@ -114,7 +113,7 @@ def test_a_normal_map_is_looked_up_at_the_corners() -> None:
     assert found.max() == pytest.approx(1.0, abs=1e-3)
 
 
-def test_solid_bumps_tilt_the_normals_of_corners() -> None:
+def test_solid_bumps_tilt_the_normals_of_corners():
     """A ramp in space has the same slope at corners and at pixels."""
     ends = {"start": -1.0, "end": 2.0, "direction": (1.0, 0.0, 0.0)}
     ramp = ProcedureTexture(procedure="gradient", parameters=ends)
@@ -132,7 +131,7 @@ def test_solid_bumps_tilt_the_normals_of_corners() -> None:
     np.testing.assert_allclose(corners[middle], pixels[middle], atol=2e-3)
 
 
-def test_light_that_is_the_same_from_all_sides_is_computed_at_pixels() -> None:
+def test_light_that_is_the_same_from_all_sides_is_computed_at_pixels():
     even = Lighting(ambient=Ambient(color=(0.2, 0.4, 0.6)))
     item = SceneObject(mesh=plane(), material=Material(shading="lambert", shading_rate="vertex"))
     plan = plan_of(prepare(Scene(objects=(item,), lighting=even), OPTIONS), CAMERA)
@@ -141,7 +140,7 @@ def test_light_that_is_the_same_from_all_sides_is_computed_at_pixels() -> None:
     np.testing.assert_array_equal(found, picture(plane(), even, shading="lambert"))
 
 
-def test_mirrors_and_kept_normals_stay_per_pixel() -> None:
+def test_mirrors_and_kept_normals_stay_per_pixel():
     around = np.random.default_rng(0).random((16, 32, 3)).astype(np.float32)
     sky = Lighting(lights=(LAMP,), environment=Environment(image=around))
     mirror = {"reflection": Reflection(), "shading": "lambert"}

@@ -1,7 +1,6 @@
 """Images of materials, rearranged as glTF reads them."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,16 +13,16 @@ from texbake.texture.material_images import gltf_images
 RNG = np.random.default_rng(1)
 
 
-def image_of(path: Path, codes: np.ndarray, components: tuple[int, ...], **more) -> ChannelImage:
+def image_of(path, codes, components, **more):
     write_image(codes, path)
     return ChannelImage(data=path.read_bytes(), name=str(path), components=components, **more)
 
 
-def codes(n: int, size: int = 8, dtype: type = np.uint8) -> np.ndarray:
+def codes(n, size=8, dtype=np.uint8):
     return RNG.integers(0, np.iinfo(dtype).max, (size, size, n), dtype, endpoint=True)
 
 
-def rearranged(alpha_mode: str = "opaque", **sources: ChannelSource) -> Materials:
+def rearranged(alpha_mode="opaque", **sources):
     channels = {name.replace("_", "-"): source for name, source in sources.items()}
     material = MeshMaterial(name="wood", channels=channels, alpha_mode=alpha_mode)
     found = gltf_images(Materials(face_materials=np.zeros(1, np.int32), materials=(material,)))
@@ -31,7 +30,7 @@ def rearranged(alpha_mode: str = "opaque", **sources: ChannelSource) -> Material
     return found
 
 
-def texels(source: ChannelSource) -> np.ndarray:
+def texels(source):
     """Codes that a channel reads, as the file holds them."""
     found = decode_image(source.image.data, source.image.name, color=False)
     scale = 255 if found.bits == 8 else 65535

@@ -21,12 +21,12 @@ Array = np.ndarray
 SLOPE_ROUNDING = 4e-7
 
 
-def normals_of(right: Array, up: Array) -> Array:
+def normals_of(right, up):
     normals = np.stack([-right, -up, np.ones_like(right)], axis=-1)
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 
 
-def waves(height: int, width: int) -> tuple[Array, Array, Array]:
+def waves(height, width):
     """Heights in texels of waves that tile, and their true slopes to the right and up."""
     y, x = np.mgrid[:height, :width] + 0.5
     a, b = 2 * np.pi * 3 / width, 2 * np.pi * 2 / height
@@ -36,7 +36,7 @@ def waves(height: int, width: int) -> tuple[Array, Array, Array]:
     return heights, right, up
 
 
-def paraboloid(height: int, width: int) -> tuple[Array, Array, Array]:
+def paraboloid(height, width):
     """Heights that curve evenly, with a twist, and their true slopes to the right and up."""
     y, x = np.mgrid[:height, :width] + 0.5
     heights = 0.02 * x**2 - 0.013 * y**2 + 0.007 * x * y - 0.3 * x + 0.11 * y
@@ -44,7 +44,7 @@ def paraboloid(height: int, width: int) -> tuple[Array, Array, Array]:
 
 
 @pytest.mark.parametrize("derivative", DERIVATIVES)
-def test_normals_of_a_paraboloid_are_exact_up_to_the_border(derivative: str) -> None:
+def test_normals_of_a_paraboloid_are_exact_up_to_the_border(derivative):
     heights, right, up = paraboloid(24, 40)
     options = HeightToNormalOptions(scale=1.0, width=40.0, wrap="clamp", derivative=derivative)
     np.testing.assert_allclose(
@@ -53,7 +53,7 @@ def test_normals_of_a_paraboloid_are_exact_up_to_the_border(derivative: str) -> 
 
 
 @pytest.mark.parametrize("shape", [(32, 48), (31, 17)])
-def test_a_central_difference_lowers_a_wave_by_sin_w_over_w(shape: tuple[int, int]) -> None:
+def test_a_central_difference_lowers_a_wave_by_sin_w_over_w(shape):
     heights, right, up = waves(*shape)
     a, b = 2 * np.pi * 3 / shape[1], 2 * np.pi * 2 / shape[0]
     expected = normals_of(right * np.sin(a) / a, up * np.sin(b) / b)
@@ -62,11 +62,11 @@ def test_a_central_difference_lowers_a_wave_by_sin_w_over_w(shape: tuple[int, in
 
 
 @pytest.mark.parametrize(("derivative", "side"), [("sobel", 4), ("scharr", 3)])
-def test_sobel_and_scharr_also_average_across(derivative: str, side: int) -> None:
+def test_sobel_and_scharr_also_average_across(derivative, side):
     heights, right, up = waves(32, 48)
     a, b = 2 * np.pi * 3 / 48, 2 * np.pi * 2 / 32
 
-    def averaged(w: float) -> float:
+    def averaged(w):
         return (16 - 2 * side + 2 * side * np.cos(w)) / 16
 
     expected = normals_of(right * np.sin(a) / a * averaged(b), up * np.sin(b) / b * averaged(a))
@@ -74,7 +74,7 @@ def test_sobel_and_scharr_also_average_across(derivative: str, side: int) -> Non
     np.testing.assert_allclose(height_to_normal(heights, options), expected, atol=SLOPE_ROUNDING)
 
 
-def test_scale_and_width_are_one_ratio() -> None:
+def test_scale_and_width_are_one_ratio():
     heights = waves(16, 16)[0]
     a = height_to_normal(heights, HeightToNormalOptions(scale=0.1, width=2.0))
     b = height_to_normal(heights, HeightToNormalOptions(scale=0.05, width=1.0))
@@ -85,7 +85,7 @@ def test_scale_and_width_are_one_ratio() -> None:
 
 @pytest.mark.parametrize("wrap", HEIGHT_WRAPS)
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (2, 2), (5, 1), (2, 3)])
-def test_the_smallest_images(shape: tuple[int, int], wrap: str) -> None:
+def test_the_smallest_images(shape, wrap):
     normals = height_to_normal(np.full(shape, 7.0), HeightToNormalOptions(wrap=wrap))
     np.testing.assert_array_equal(normals, np.tile([0.0, 0.0, 1.0], (*shape, 1)))
     for method in INTEGRATIONS:
@@ -93,7 +93,7 @@ def test_the_smallest_images(shape: tuple[int, int], wrap: str) -> None:
         np.testing.assert_array_equal(field.heights, np.zeros(shape))
 
 
-def test_values_that_are_not_finite_become_flat_and_do_not_spread() -> None:
+def test_values_that_are_not_finite_become_flat_and_do_not_spread():
     heights = waves(16, 16)[0]
     whole = height_to_normal(heights)
     heights[5, 5] = np.nan
@@ -108,7 +108,7 @@ def test_values_that_are_not_finite_become_flat_and_do_not_spread() -> None:
 
 
 @pytest.mark.parametrize("shape", [(32, 48), (31, 17), (1, 40)])
-def test_frankot_chellappa_integrates_waves_that_tile_exactly(shape: tuple[int, int]) -> None:
+def test_frankot_chellappa_integrates_waves_that_tile_exactly(shape):
     heights, right, up = waves(*shape)
     if shape[0] == 1:
         up = np.zeros_like(up)
@@ -120,7 +120,7 @@ def test_frankot_chellappa_integrates_waves_that_tile_exactly(shape: tuple[int, 
 
 
 @pytest.mark.parametrize("shape", [(24, 40), (25, 33)])
-def test_poisson_integrates_a_paraboloid_exactly(shape: tuple[int, int]) -> None:
+def test_poisson_integrates_a_paraboloid_exactly(shape):
     heights, right, up = paraboloid(*shape)
     options = NormalToHeightOptions(wrap="clamp", width=float(shape[1]))
     field = normal_to_height(normals_of(right, up), options)
@@ -129,7 +129,7 @@ def test_poisson_integrates_a_paraboloid_exactly(shape: tuple[int, int]) -> None
 
 
 @pytest.mark.parametrize("method", INTEGRATIONS)
-def test_round_trip_of_waves_agrees_with_the_closed_form(method: str) -> None:
+def test_round_trip_of_waves_agrees_with_the_closed_form(method):
     """A wave of w radians per texel returns as sin w / w (one derivative) or cos² w/2 of itself."""
     n, k = 64, 4
     w = 2 * np.pi * k / n
@@ -142,7 +142,7 @@ def test_round_trip_of_waves_agrees_with_the_closed_form(method: str) -> None:
     assert np.abs(field.heights - heights).max() < 0.04
 
 
-def test_slopes_without_a_surface_are_fitted_and_reported() -> None:
+def test_slopes_without_a_surface_are_fitted_and_reported():
     """A whirl has slopes that no heights have: the best fit is flat, and all is left over."""
     y, x = np.mgrid[:32, :32] + 0.5
     w = 2 * np.pi / 32
@@ -155,7 +155,7 @@ def test_slopes_without_a_surface_are_fitted_and_reported() -> None:
         assert field.rms_slope_error > 0.6
 
 
-def test_an_image_is_read_as_it_says_of_itself() -> None:
+def test_an_image_is_read_as_it_says_of_itself():
     heights, right, up = waves(32, 48)
     pixels = ((normals_of(right, -up) + 1) / 2).astype(np.float32)
     labeled = Image(pixels, {CONVENTION: "directx"})
@@ -179,7 +179,7 @@ def test_an_image_is_read_as_it_says_of_itself() -> None:
         height_to_normal(wrong)
 
 
-def test_steep_normals_are_counted() -> None:
+def test_steep_normals_are_counted():
     normals = np.tile([0.0, 0.0, 1.0], (8, 8, 1))
     normals[2, 3] = (1.0, 0.0, 0.0)
     normals[4, 4] = (0.0, 0.6, -0.8)
@@ -190,7 +190,7 @@ def test_steep_normals_are_counted() -> None:
     assert np.isfinite(field.heights).all()
 
 
-def test_wrong_input_is_one_clear_error() -> None:
+def test_wrong_input_is_one_clear_error():
     with pytest.raises(OptionError, match=r"heights: the shape \(2, 2, 3\)"):
         height_to_normal(np.zeros((2, 2, 3)))
     with pytest.raises(OptionError, match=r"normals: the shape \(2, 2\)"):

@@ -72,7 +72,7 @@ CODES = np.rint(SMOOTH).astype(np.uint8)
 
 @pytest.mark.parametrize("encoding", sorted(ENCODINGS))
 @pytest.mark.parametrize("n", [3, 4])
-def test_every_encoding_comes_back(encoding: str, n: int) -> None:
+def test_every_encoding_comes_back(encoding, n):
     data = encode_image(CODES[..., :n], encoding)
     has_alpha = n == 4 and encoding == "jpeg"
     assert media_type(data) == ("image/png" if has_alpha else f"image/{encoding}")
@@ -84,7 +84,7 @@ def test_every_encoding_comes_back(encoding: str, n: int) -> None:
     assert data == encode_image(CODES[..., :n], encoding)
 
 
-def test_formats_that_are_not_written_are_named() -> None:
+def test_formats_that_are_not_written_are_named():
     with pytest.raises(OptionError, match="'ktx2' is not known; use webp, jpeg, png"):
         encode_image(CODES, "ktx2")
 

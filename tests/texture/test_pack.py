@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, strategies as st
 
 from texbake.errors import OptionError, UvError
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.lookup import lookup
 from texbake.texture.pack import PackOptions, _without, pack_textures, place_rectangles
@@ -15,11 +14,11 @@ from texbake.texture.pack import PackOptions, _without, pack_textures, place_rec
 Array = np.ndarray
 
 
-def noise(height: int, width: int, channels: int = 3, seed: int = 0) -> Array:
+def noise(height, width, channels=3, seed=0):
     return np.random.default_rng(seed).random((height, width, channels), dtype=np.float32)
 
 
-def points_on(mesh: Mesh, n: int = 400) -> Array:
+def points_on(mesh, n=400):
     """Texture coordinates of random points of a mesh, and of all its corners."""
     rng = np.random.default_rng(3)
     shares = rng.dirichlet((1, 1, 1), n)
@@ -32,9 +31,7 @@ sides = st.integers(1, 60)
 
 
 @given(st.lists(st.tuples(sides, sides), min_size=1, max_size=12), sides, sides)
-def test_rectangles_lie_inside_and_never_overlap(
-    sizes: list[tuple[int, int]], width: int, height: int
-) -> None:
+def test_rectangles_lie_inside_and_never_overlap(sizes, width, height):
     places = place_rectangles(sizes, width, height)
     if places is None:
         return
@@ -46,7 +43,7 @@ def test_rectangles_lie_inside_and_never_overlap(
 
 
 @pytest.mark.parametrize("edges", ["clamp", "repeat"])
-def test_a_packed_mesh_looks_up_the_same_colors(edges: str) -> None:
+def test_a_packed_mesh_looks_up_the_same_colors(edges):
     images = [noise(32, 48), noise(64, 16, seed=1), noise(17, 33, seed=2)]
     # Rounded by a packed texture's coordinates alone: 1e-12 texels.
     packed = pack_textures(images, PackOptions(edges=edges))
@@ -62,7 +59,7 @@ def test_a_packed_mesh_looks_up_the_same_colors(edges: str) -> None:
         np.testing.assert_allclose(after, before, atol=1e-6)
 
 
-def test_texels_are_copies_with_padding_from_the_edge() -> None:
+def test_texels_are_copies_with_padding_from_the_edge():
     image = noise(5, 7)
     packed = pack_textures([image], PackOptions(padding=2))
     (place,) = packed.places
@@ -72,7 +69,7 @@ def test_texels_are_copies_with_padding_from_the_edge() -> None:
     assert packed.filled == 35 / 256
 
 
-def test_images_that_do_not_fit_are_made_smaller_alike() -> None:
+def test_images_that_do_not_fit_are_made_smaller_alike():
     ramp = np.tile(np.linspace(0, 1, 128, dtype=np.float32)[:, None, None], (1, 128, 1))
     ramp = ramp * [1.0, 0.5, 0.25]
     packed = pack_textures([ramp, ramp[:64]], PackOptions(size=(96, 64), padding=1))
@@ -90,7 +87,7 @@ def test_images_that_do_not_fit_are_made_smaller_alike() -> None:
     assert values.min() >= 0.0 and values.max() <= 1.0
 
 
-def test_channels_are_as_many_as_any_image_needs() -> None:
+def test_channels_are_as_many_as_any_image_needs():
     gray, color, clear = noise(4, 4, 1), noise(4, 4, 3, 1), noise(4, 4, 4, 2)
     packed = pack_textures([gray, color, clear], PackOptions(padding=0))
     assert packed.pixels.shape[2] == 4
@@ -102,7 +99,7 @@ def test_channels_are_as_many_as_any_image_needs() -> None:
     assert pack_textures([gray, noise(2, 2, 2)]).pixels.shape[2] == 2
 
 
-def test_a_tiling_mesh_is_an_error_that_names_it() -> None:
+def test_a_tiling_mesh_is_an_error_that_names_it():
     packed = pack_textures([noise(8, 8)])
     mesh = plane().replace(uvs=plane().uvs * 2.0, name="wall.obj")
     with pytest.raises(UvError, match=r"wall\.obj: .* outside the unit square, such as \(2, 0\)"):
@@ -112,13 +109,13 @@ def test_a_tiling_mesh_is_an_error_that_names_it() -> None:
         packed.remapped(bare, 0)
 
 
-def test_float32_coordinates_on_the_border_are_inside() -> None:
+def test_float32_coordinates_on_the_border_are_inside():
     packed = pack_textures([noise(8, 8)], PackOptions(padding=0))
     mesh = plane().replace(uvs=plane().uvs * (1 + 1e-7))
     assert packed.remapped(mesh, 0).uvs.max() <= 1.0
 
 
-def test_wrong_input_is_one_clear_error() -> None:
+def test_wrong_input_is_one_clear_error():
     with pytest.raises(OptionError, match="images: there is none"):
         pack_textures([])
     with pytest.raises(OptionError, match="image 2: the shape"):
@@ -131,9 +128,7 @@ def test_wrong_input_is_one_clear_error() -> None:
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 5)] * 2, *[st.integers(1, 4)] * 2), max_size=5))
-def test_free_places_are_the_largest_rectangles_of_empty_texels(
-    taken: list[tuple[int, int, int, int]],
-) -> None:
+def test_free_places_are_the_largest_rectangles_of_empty_texels(taken):
     empty, free = np.ones((7, 8), bool), [(0, 0, 8, 7)]
     for left, top, width, height in taken:
         empty[top : top + height, left : left + width] = False

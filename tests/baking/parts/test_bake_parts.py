@@ -28,7 +28,7 @@ def wavy(theta, phi):
     return 1 + 0.02 * np.sin(7 * theta) * np.cos(9 * phi)
 
 
-def ball(name: str, x: float, *, is_high: bool = False, u: float = 0.0) -> Mesh:
+def ball(name, x, *, is_high=False, u=0.0):
     """A sphere at x; a low-poly one fills the half of the texture that begins at u."""
     mesh = uv_sphere(40, 80, wavy) if is_high else uv_sphere(12, 24)
     uvs = mesh.uvs * [0.46, 0.92] + np.array([u + 0.02, 0.04])
@@ -41,7 +41,7 @@ HIGHS = [ball("LEFT_high", 0.0, is_high=True), ball("right_high_01", 1.9, is_hig
 HIGH, LOW = join_meshes(HIGHS), join_meshes(LOWS)
 
 
-def options(**changes) -> BakeOptions:
+def options(**changes):
     return BakeOptions(**{"size": 96, "maps": MAPS, "secondary_rays": 16, **changes})
 
 

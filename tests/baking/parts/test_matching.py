@@ -93,7 +93,7 @@ def test_every_part_is_matched_left_over_or_ignored_once(bases, random):
 
 
 @pytest.mark.parametrize("choice", [{"high_suffix": "_hp"}, {"low_suffix": "_lp"}])
-def test_options_of_matching_need_matching(choice: dict[str, str]) -> None:
+def test_options_of_matching_need_matching(choice):
     with pytest.raises(OptionError, match="match_by_name"):
         PartsOptions(**choice)
     PartsOptions(match_by_name=True, **choice)

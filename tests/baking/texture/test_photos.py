@@ -1,22 +1,19 @@
 """Photographs baked onto meshes, and their cameras: seen texels take their color, others none."""
 
 import dataclasses
-from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from texbake import write_image
 from texbake.baking.rays import RayField
-from texbake.baking.texture.canvas import TextureBake, TextureCanvas
+from texbake.baking.texture.canvas import TextureCanvas
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos, read_camera
 from texbake.core import core
 from texbake.errors import FileError, FileFormatError, OptionError, UvError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.raycast.rays import Rays
 from texbake.raycast.scene import RayScene
@@ -24,18 +21,17 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.options import RenderOptions
 
 Array = np.ndarray
-Colors = Callable[[Array], Array]
 
 RED, GREEN = np.array([0.8, 0.0, 0.0], np.float32), np.array([0.0, 0.6, 0.0], np.float32)
 FRONT = PhotoCamera(position=(0.5, 0.5, 3.0), target=(0.5, 0.5, 0.0), fov=40.0)
 EVEN = PhotoOptions(size=64, samples=1, feather=0.0, margin=0.0, fill="none", padding=0)
 
 
-def solid(color: Array, height: int = 8, width: int = 8) -> Array:
+def solid(color, height=8, width=8):
     return np.full((height, width, len(color)), color, np.float32)
 
 
-def texel_positions(mesh: Mesh, result: TextureBake) -> Array:
+def texel_positions(mesh, result):
     """(H, W, 3): the position of each covered texel; NaN elsewhere."""
     canvas = TextureCanvas(mesh, dataclasses.replace(result.report.options, samples=1), 1)
     frame = LocalFrame.around(mesh)
@@ -47,7 +43,7 @@ def texel_positions(mesh: Mesh, result: TextureBake) -> Array:
     return points
 
 
-def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, height: int) -> Array:
+def take_photo(mesh, camera, colors, width, height):
     """Photograph a mesh, one ray per pixel: (H, W, 4), with opacity 0 beside the mesh."""
     frame = LocalFrame.around(mesh)
     right, up, back = camera.axes()
@@ -69,7 +65,7 @@ def take_photo(mesh: Mesh, camera: PhotoCamera, colors: Colors, width: int, heig
     return picture.reshape(height, width, 4)
 
 
-def two_walls() -> Mesh:
+def two_walls():
     """A wall, and a screen in front of its middle, halfway to z = 3; both in one atlas."""
     wall, screen = plane(), plane()
     assert wall.uvs is not None and screen.uvs is not None
@@ -82,7 +78,7 @@ def two_walls() -> Mesh:
     return join_meshes([wall, screen])
 
 
-def test_the_picture_is_neither_mirrored_nor_rotated() -> None:
+def test_the_picture_is_neither_mirrored_nor_rotated():
     """A plane that fills the picture takes its pixels as texels."""
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)
     camera = PhotoCamera(
@@ -95,7 +91,7 @@ def test_the_picture_is_neither_mirrored_nor_rotated() -> None:
     assert result.report.unseen_percent == 0.0
 
 
-def test_a_matrix_gives_a_parallel_projection() -> None:
+def test_a_matrix_gives_a_parallel_projection():
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)
     # Looks along -z: s = x, t = y, r = depth, q = 1.
     matrix = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0, 0, 0, 1.0))
@@ -108,7 +104,7 @@ def test_a_matrix_gives_a_parallel_projection() -> None:
     assert not wall[24:40, 12:20].any()
 
 
-def test_exactly_the_hidden_texels_are_unseen() -> None:
+def test_exactly_the_hidden_texels_are_unseen():
     """The hidden part of the wall is twice the size of the screen, by similar triangles."""
     mesh = two_walls()
     colors = {"wall": RED, "screen": GREEN}
@@ -127,7 +123,7 @@ def test_exactly_the_hidden_texels_are_unseen() -> None:
     np.testing.assert_allclose(through.values[inner] - GREEN, 0.0, atol=1e-6)
 
 
-def test_a_margin_leaves_out_pixels_of_outlines() -> None:
+def test_a_margin_leaves_out_pixels_of_outlines():
     mesh = two_walls()
     image = take_photo(mesh, FRONT, lambda p: np.where(p[:, 2:] > 1.0, GREEN, RED), 110, 110)
     photo = Photo(image=image[..., :3] + 0.0, camera=FRONT)
@@ -139,7 +135,7 @@ def test_a_margin_leaves_out_pixels_of_outlines() -> None:
     assert 0 < (bare.has_color & ~wide.has_color).sum() < 0.1 * wall.sum()
 
 
-def test_a_curved_surface_does_not_hide_itself() -> None:
+def test_a_curved_surface_does_not_hide_itself():
     sphere = uv_sphere(64, 96)
     camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0), fov=40.0)
     photo = Photo(image=solid(RED, 500, 500), camera=camera)
@@ -149,7 +145,7 @@ def test_a_curved_surface_does_not_hide_itself() -> None:
     np.testing.assert_array_equal(with_rays.has_color, without.has_color)
 
 
-def test_two_photographs_have_weights_that_sum_to_1() -> None:
+def test_two_photographs_have_weights_that_sum_to_1():
     sphere = uv_sphere(16, 24)
     cameras = [
         PhotoCamera(position=(4 * np.sin(a), 0.5, 4 * np.cos(a)), target=(0.0, 0.0, 0.0))
@@ -170,7 +166,7 @@ def test_two_photographs_have_weights_that_sum_to_1() -> None:
     assert shares[0].percent == pytest.approx(100 * result.values[result.has_color][:, 0].mean())
 
 
-def test_the_weight_is_the_power_of_the_cosine() -> None:
+def test_the_weight_is_the_power_of_the_cosine():
     """In the middle of a plane that is seen head-on and at 60 degrees."""
     side = PhotoCamera(
         position=(0.5 + 4 * np.sin(np.pi / 3), 0.5, 4 * np.cos(np.pi / 3)), target=(0.5, 0.5, 0.0)
@@ -189,7 +185,7 @@ def test_the_weight_is_the_power_of_the_cosine() -> None:
     np.testing.assert_allclose(bake_photos(plane(), photos, narrow).values[32, 32], [1, 0, 0])
 
 
-def test_the_border_of_a_photograph_has_no_weight() -> None:
+def test_the_border_of_a_photograph_has_no_weight():
     weights = [border_weight(u, 0.5, 0.1) for u in (-1.0, 0.0, 1e-9, 0.05, 0.1, 0.5, 0.95, 1.0)]
     assert weights[:2] == [0.0, 0.0] and weights[-1] == 0.0
     assert 0.0 < weights[2] < 1e-10
@@ -199,7 +195,7 @@ def test_the_border_of_a_photograph_has_no_weight() -> None:
     assert border_weight(1e-9, 0.5, 0.0) == 1.0
 
 
-def border_weight(u: float, v: float, feather: float) -> float:
+def border_weight(u, v, feather):
     """Weight at a point of the photograph, on a face that the photograph sees head-on."""
     corners = np.tile(np.array([u, v]), (1, 3, 1))
     coordinates, weights = np.empty((1, 2)), np.empty(1)
@@ -210,7 +206,7 @@ def border_weight(u: float, v: float, feather: float) -> float:
     return float(weights[0])
 
 
-def test_transparent_pixels_give_no_color() -> None:
+def test_transparent_pixels_give_no_color():
     """The transparent blue half of a picture gives no color, nor a fringe along its edge."""
     image = solid(np.array([*RED, 1.0], np.float32), 32, 32)
     image[:, 16:] = (0.0, 0.0, 1.0, 0.0)
@@ -221,7 +217,7 @@ def test_transparent_pixels_give_no_color() -> None:
     np.testing.assert_allclose(result.values[result.has_color] - RED, 0.0, atol=1e-6)
 
 
-def test_unseen_texels_are_filled() -> None:
+def test_unseen_texels_are_filled():
     sphere = uv_sphere(16, 24)
     camera = PhotoCamera(position=(0.0, 0.0, 4.0), target=(0.0, 0.0, 0.0))
     options = dataclasses.replace(EVEN, fill="push-pull", padding=2)
@@ -231,7 +227,7 @@ def test_unseen_texels_are_filled() -> None:
     assert ((result.unseen_map() == (255, 40, 60)).all(axis=2) == result.unseen).all()
 
 
-def test_a_photograph_can_have_a_mesh_unwrapped_onto_it() -> None:
+def test_a_photograph_can_have_a_mesh_unwrapped_onto_it():
     """Texture coordinates rotated by 90 degrees rotate the texture."""
     image = np.random.default_rng(0).random((64, 64, 3), dtype=np.float32)
     mesh = plane()
@@ -241,12 +237,12 @@ def test_a_photograph_can_have_a_mesh_unwrapped_onto_it() -> None:
     np.testing.assert_allclose(result.values, np.rot90(image), atol=1e-5)
 
 
-def test_a_photograph_counts_by_the_area_that_it_gives_a_face() -> None:
+def test_a_photograph_counts_by_the_area_that_it_gives_a_face():
     """One photograph shows the left half large and the right half small, the other vice versa."""
     mesh = plane(2, 1)
     assert mesh.uvs is not None
 
-    def squeezed(middle: float) -> Mesh:
+    def squeezed(middle):
         u = np.interp(mesh.uvs[:, 0], [0, 0.5, 1], [0, middle, 1])
         return mesh.replace(uvs=np.stack([u, mesh.uvs[:, 1]], axis=1))
 
@@ -260,7 +256,7 @@ def test_a_photograph_counts_by_the_area_that_it_gives_a_face() -> None:
     assert np.abs(np.diff(values[32, :, 0])).max() < 0.1  # smooth over the edge between faces
 
 
-def test_the_number_of_threads_changes_no_byte() -> None:
+def test_the_number_of_threads_changes_no_byte():
     sphere = uv_sphere(16, 24)
     image = np.random.default_rng(0).random((50, 70, 3), dtype=np.float32)
     photos = [
@@ -273,7 +269,7 @@ def test_the_number_of_threads_changes_no_byte() -> None:
     assert bakes[0].values.tobytes() == bakes[1].values.tobytes()
 
 
-def test_wrong_input_is_one_clear_error(tmp_path: Path) -> None:
+def test_wrong_input_is_one_clear_error(tmp_path):
     with pytest.raises(OptionError, match="photos: there are none"):
         bake_photos(plane(), [])
     for both in ({}, {"camera": FRONT, "mapped": plane()}):
@@ -301,7 +297,7 @@ def test_wrong_input_is_one_clear_error(tmp_path: Path) -> None:
             PhotoOptions(**wrong)  # type: ignore[arg-type]
 
 
-def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path: Path) -> None:
+def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path):
     image = solid(RED)
     image[3, 3] = np.nan
     write_image(image, tmp_path / "a.exr", color=True, bits=32)
@@ -316,7 +312,7 @@ def test_an_exact_shift_changes_no_bit():
     shift = np.array([2.0**21, -(2.0**20), 2.0**19])
     image = np.random.default_rng(2).random((16, 16, 3)).astype(np.float32)
 
-    def baked(mesh: Mesh, shift: np.ndarray) -> np.ndarray:
+    def baked(mesh, shift):
         camera = PhotoCamera(position=tuple(np.add(shift, [0.5, 1.0, 4.0])), target=tuple(shift))
         options = PhotoOptions(size=32, threads=1)
         return bake_photos(mesh, [Photo(image=image, camera=camera)], options).values
@@ -325,7 +321,7 @@ def test_an_exact_shift_changes_no_bit():
     np.testing.assert_array_equal(baked(there, shift), baked(here, np.zeros(3)))
 
 
-def test_a_camera_projects_as_a_preview_does() -> None:
+def test_a_camera_projects_as_a_preview_does():
     """A point has the same position in the photograph as in a preview from the same camera."""
     options = RenderOptions(width=300, height=200, view=(35.0, -20.0))
     seen = Camera.framing(uv_sphere(8, 8), options=options)
@@ -342,7 +338,7 @@ def test_a_camera_projects_as_a_preview_does() -> None:
     np.testing.assert_allclose(t / q, (clip[:, 1] / clip[:, 3] + 1) / 2, atol=1e-12)
 
 
-def test_cameras_are_read_from_toml_and_from_matrices(tmp_path: Path) -> None:
+def test_cameras_are_read_from_toml_and_from_matrices(tmp_path):
     toml = tmp_path / "front.toml"
     toml.write_text("position = [0, 1, 3]\ntarget = [0, 1, 0]\nup = [0, 0.5, 0]\nfov = 50\n")
     assert read_camera(toml) == PhotoCamera(
@@ -379,19 +375,19 @@ def test_cameras_are_read_from_toml_and_from_matrices(tmp_path: Path) -> None:
         ("position = " + "9" * 5000, "it is not TOML: Exceeds the limit"),
     ],
 )
-def test_an_error_in_a_file_names_the_key(tmp_path: Path, text: str, message: str) -> None:
+def test_an_error_in_a_file_names_the_key(tmp_path, text, message):
     file = tmp_path / "camera.toml"
     file.write_text(text)
     with pytest.raises(FileFormatError, match=rf"camera\.toml: {message}"):
         read_camera(file)
 
 
-def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
+def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FileError, match=r"no\.toml: "):
         read_camera(tmp_path / "no.toml")
 
 
-def test_a_camera_at_any_distance_has_the_same_axes() -> None:
+def test_a_camera_at_any_distance_has_the_same_axes():
     near, far = (
         PhotoCamera(position=(scale, 2.0 * scale, 0.0), target=(0.0, 0.0, 0.0))
         for scale in (1.0, 2.0**1000)

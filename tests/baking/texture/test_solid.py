@@ -17,14 +17,14 @@ from texbake.texture.procedures import evaluate
 Array = np.ndarray
 
 
-def centers(size: int) -> Array:
+def centers(size):
     """Positions of texel centers on a plane that fills the unit square."""
     y, x = (np.mgrid[:size, :size] + 0.5) / size
     return np.stack([x.ravel(), 1.0 - y.ravel(), np.zeros(size * size)], axis=1)
 
 
 @pytest.mark.parametrize("procedure", ["noise", "marble", "wood", "worley"])
-def test_a_texel_takes_the_value_at_its_point(procedure: str) -> None:
+def test_a_texel_takes_the_value_at_its_point(procedure):
     size = 32
     options = SolidOptions(procedure=procedure, scale=3.0, size=size, samples=1)
     result = bake_solid(plane(4, 2), options)  # corners at corners of texels: nothing is snapped
@@ -37,7 +37,7 @@ def test_a_texel_takes_the_value_at_its_point(procedure: str) -> None:
     assert not result.report.warnings
 
 
-def test_a_checker_has_cells_of_8_texels() -> None:
+def test_a_checker_has_cells_of_8_texels():
     # Cells of 8 texels; a footprint of a quarter texel blurs their edges by half that each way.
     options = SolidOptions(
         procedure="checker", parameters={"dimensions": 2}, scale=4.0, size=32, samples=16
@@ -51,13 +51,13 @@ def test_a_checker_has_cells_of_8_texels() -> None:
     np.testing.assert_array_equal(values[inner], np.where(odd, 1.0 - first, first)[inner])
 
 
-def test_a_ramp_of_one_color_gives_that_color() -> None:
+def test_a_ramp_of_one_color_gives_that_color():
     options = SolidOptions(procedure="marble", colors=((0.2, 0.4, 0.6),), size=16)
     values = bake_solid(uv_sphere(8, 8), options).values
     np.testing.assert_allclose(values, np.broadcast_to((0.2, 0.4, 0.6), values.shape), atol=1e-6)
 
 
-def test_a_ramp_maps_the_values_of_the_procedure() -> None:
+def test_a_ramp_maps_the_values_of_the_procedure():
     plain = SolidOptions(procedure="noise", scale=5.0, size=16, samples=1)
     colored = dataclasses.replace(plain, colors=((0.0, 1.0, 0.5), (1.0, 0.0, 0.5)))
     value, color = bake_solid(plane(), plain).values, bake_solid(plane(), colored).values
@@ -65,7 +65,7 @@ def test_a_ramp_maps_the_values_of_the_procedure() -> None:
     np.testing.assert_allclose(color, expected, atol=1e-6)
 
 
-def test_scaling_the_mesh_changes_nothing_by_default() -> None:
+def test_scaling_the_mesh_changes_nothing_by_default():
     mesh = uv_sphere(12, 16)
     options = SolidOptions(procedure="granite", size=64)
     large = mesh.replace(positions=mesh.positions * 1024.0)
@@ -78,7 +78,7 @@ def test_scaling_the_mesh_changes_nothing_by_default() -> None:
     assert two.report.scale == (2.0**-10,) * 3
 
 
-def test_sample_steps_of_a_stretched_plane() -> None:
+def test_sample_steps_of_a_stretched_plane():
     # A plane 6 wide and 2 high on a texture of 3 x 4 samples: 2 and 0.5 per sample.
     mesh = plane().replace(positions=plane().positions * (6.0, 2.0, 1.0))
     steps = sample_steps(mesh, mesh.positions[mesh.faces], SampleGrid(3, 4, 1))
@@ -92,7 +92,7 @@ def test_sample_steps_of_a_stretched_plane() -> None:
     )
 
 
-def test_wrong_input_is_one_clear_error() -> None:
+def test_wrong_input_is_one_clear_error():
     bare = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]], name="a.obj")
     with pytest.raises(UvError, match=r"a\.obj: it has no texture coordinates"):
         bake_solid(bare)
@@ -119,7 +119,7 @@ def test_a_mesh_too_small_to_be_scaled_is_refused():
         bake_solid(tiny, SolidOptions(size=8))
 
 
-def test_points_and_widths_beyond_float64_count_as_0() -> None:
+def test_points_and_widths_beyond_float64_count_as_0():
     mesh = plane()
     far = mesh.replace(positions=mesh.positions * 1e300)
     options = SolidOptions(procedure="checker", size=4, samples=1, scale=1e300)
