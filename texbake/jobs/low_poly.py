@@ -91,10 +91,7 @@ class LowPolyMaker:
         return low
 
     def make_level(self, low: Mesh, finest: LowPoly, n_faces: int) -> LowPoly:
-        """Reduce an unwrapped low-poly mesh further; what is left keeps its place in the texture.
-
-        `finest` says how `low` was made.
-        """
+        """Reduce an unwrapped mesh, made as `finest`, further; what is left keeps its place."""
         level, report = simplify_with_report(
             low, n_faces, quality="best", seams="keep", threads=self.threads, progress=self.progress
         )
@@ -186,10 +183,7 @@ class LowPolyMaker:
         return replace(low, why=tuple(why), ray_distance=rays)
 
     def _choose_closest(self, candidates: list[LowPoly]) -> LowPoly:
-        """Return the mesh whose normal map would leave the least mean angle in pictures.
-
-        If no candidate reaches the number of triangles, it is the one that comes closest.
-        """
+        """Mesh whose normal map would leave the least angle, else that of the fewest faces."""
         reached = [low for low in candidates if low.report.is_close_to_count]
         if len(reached) < 2:
             return min(reached or candidates, key=lambda low: low.mesh.n_faces)

@@ -113,12 +113,7 @@ def _with_sides_as_asked(scene: Scene) -> Scene:
 
 
 def with_lighting(scene: Scene) -> Scene:
-    """Return the scene, lit by the studio if nothing lights its surfaces.
-
-    Emissive and unlit materials light nothing else; light maps count as lighting. If a material is
-    a metal, the room of the studio lights the scene instead, so that the metal has something to
-    reflect.
-    """
+    """Light a scene by the studio, of metals by its room, if nothing lights its surfaces."""
     lighting = scene.lighting
     materials = [item.material for item in scene.objects]
     is_lit = (

@@ -224,11 +224,7 @@ def make_asset(
     progress: Progress,
     must_reach: bool = True,
 ) -> tuple[Asset, list[LowPoly]]:
-    """Simplify a mesh, unwrap the result and bake its maps; also return coarser levels of it.
-
-    All channels of the materials are baked. `stages` records the times of the parts. `must_reach`:
-    raise `MeshError` where more faces than requested are left.
-    """
+    """Simplify, unwrap and bake a mesh with all channels; also return coarser levels of it."""
     rule = LowNormals(options.normals, options.angle)
     with stages.part("simplify"):
         # The author of a model with images has seen it: one-sided cards are intended.

@@ -150,10 +150,7 @@ class OutOfTimeError(Exception):
 
 
 class Refinable(Protocol):
-    """What is refined in rounds: the texels of a bake, or the pixels of a picture.
-
-    Bounds are counted in the closest bound that is wanted: 1 is that bound, 2 is twice as wide.
-    """
+    """Texels or pixels refined in rounds; bounds are multiples of the closest that is wanted."""
 
     def name_of(self, bound: float) -> str:
         """Return a bound as the value of `max_error`."""
@@ -248,11 +245,7 @@ class Rounds:
         )
 
     def _next(self, work: npt.NDArray[np.float64]) -> tuple[float, float, float] | None:
-        """Return the closest bound whose round is predicted to fit; None to end.
-
-        `work`: by the bound, from 1 to the widest. Also returns the work and the seconds that are
-        predicted.
-        """
+        """Closest bound whose round is predicted to fit, its work and seconds; None to end."""
         if self._reached <= 1.0:
             return None
         left = _SPENT_SHARE * self.seconds - self.clock.spent - self.after

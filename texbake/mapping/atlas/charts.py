@@ -115,11 +115,7 @@ def _with_anchors(
 def existing_charts(
     mesh: Mesh, size: tuple[int, int], *, regions: IntArray | None = None
 ) -> Charts:
-    """Take the texture coordinates of a mesh as its charts, with their shapes and relative sizes.
-
-    `size`: width and height, in texels, of the texture that the coordinates were made for;
-    `regions` (F,) int32: faces of different regions share no chart.
-    """
+    """Charts of a mesh's uvs, made for `size` texels; none is shared by two `regions` (F,)."""
     corners = measurable_uvs(mesh) * (np.array(size) / max(size))
     in_texture = float(np.abs(signed_areas(corners)).sum())
     points = UnitGrid.around(mesh).to_grid(mesh.positions)
@@ -148,11 +144,7 @@ _MANY = 1000
 
 
 def find_isolated_faces(surface: ChartSurface) -> tuple[IntArray, IntArray]:
-    """Find the faces that no other one continues across any edge, if there are many.
-
-    Returns `isolated` (n,) int32: such faces with an area; none if there are few; `others` (m,)
-    int32: all other faces; without those of no area if there are isolated ones.
-    """
+    """Faces (n,) with area that no other continues, if there are many, and all others (m,)."""
     points, faces = surface.points, surface.faces
     corners = weld_rows(points, threads=surface.threads)[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)

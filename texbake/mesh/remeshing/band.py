@@ -66,11 +66,7 @@ class Band:
         *,
         threads: int | None = None,
     ) -> Band:
-        """Measure the distances in a grid.
-
-        `positions` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32. Raises `MeshError` if
-        the faces are so large and so many that measuring them would take very long.
-        """
+        """Measure distances in a grid, in voxels; `MeshError` if that would take very long."""
         shape = grid.shape
         listed, starts = _faces_of_layers(positions, faces, shape[0])
         if len(listed) > _MOST_LAYERS_A_FACE * len(faces):

@@ -319,11 +319,7 @@ def require_topology(
     *,
     may_be_pierced: bool,
 ) -> int:
-    """Refuse a result with more parts than the mesh, or a sheet with more handles and holes.
-
-    Gaps that are closed make handles of a body, as they should. If the mesh is one, return how many
-    there are more.
-    """
+    """Refuse a result with more parts, or a sheet with more holes; return further handles."""
     advice = "use a greater `resolution`"
     if n_components > n_parts:
         raise MeshError(

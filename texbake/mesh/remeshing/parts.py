@@ -176,11 +176,7 @@ def winding_numbers(
     most_work: float = math.inf,
     threads: int | None = None,
 ) -> FloatArray:
-    """Measure winding numbers, of torn surfaces as well.
-
-    `positions` (V, 3) float64, in units of a voxel; `faces` (F, 3) int32; `points` (n, 3) float64.
-    Returns (n,) float64: NaN for the last points, where all would need more faces than `most_work`.
-    """
+    """(n,) winding numbers, also of torn surfaces, in voxels; NaN beyond `most_work`."""
     windings = np.zeros(len(points))
     if len(points) == 0 or len(faces) == 0:
         return windings

@@ -122,11 +122,7 @@ def _smooth(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArr
 
 
 def _fair(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray:
-    """Move free vertices to where the surface bends least, with its slopes at their border.
-
-    Solved by conjugate gradients: least squares of the steps from vertices to the means of their
-    neighbors, of the free ones and of those beside them.
-    """
+    """Move free vertices to where the surface bends least, with its slopes at their border."""
     near = np.zeros(len(free), dtype=np.bool_)
     near[edges[free[edges[:, 1]], 0]] = True
     near |= free
@@ -199,12 +195,7 @@ def _sharp_targets(
     *,
     threads: int | None = None,
 ) -> tuple[BoolArray, FloatArray]:
-    """Find vertices that belong onto a sharp edge, and their places there.
-
-    `before` (V, 3) float64: the vertices, each in a cell of its own, in voxels; `on_mesh` (V, 3)
-    float64; `face_ids` (V,) int32; `quads` (n, 4) int32. Returns `is_sharp` (V,) bool; `targets`
-    (V, 3) float64: where all vertices go, on the mesh.
-    """
+    """Vertices (V,) that belong onto a sharp edge, and the places of all, (V, 3), on the mesh."""
     normals = unit_normals(tree.positions, tree.faces[np.maximum(face_ids, 0)])
     normals[face_ids < 0] = 0.0
     is_candidate = _candidates(quads, normals, face_ids)
@@ -297,13 +288,7 @@ def _without_slivers(
 def _divide_along(
     faces: IntArray, quads: IntArray, is_sharp: BoolArray, before: FloatArray, after: FloatArray
 ) -> IntArray:
-    """Divide quads along the sharp edge that two opposite corners lie on.
-
-    Where three corners lie on it, the quad is divided through the one in the middle instead.
-
-    `faces` (2 n, 3) int32; `quads` (n, 4) int32; `is_sharp` (V,) bool; `before`, `after` (V, 3)
-    float64.
-    """
+    """Divide quads along the sharp edge of opposite corners, or through the middle of three."""
     sharp = is_sharp[quads]
     n_sharp = sharp.sum(axis=1)
     opposite = (n_sharp == 2) & (sharp[:, 0] == sharp[:, 2])

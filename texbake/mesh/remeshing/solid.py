@@ -51,12 +51,7 @@ def flood_outside(
     keep_cavities: bool = False,
     threads: int | None = None,
 ) -> Rooms:
-    """Label what a ball reaches from the border of the grid `OUTSIDE`.
-
-    `labels` (nx, ny, nz) uint8; `radius`, of the ball beyond the shell, in voxels;
-    `measure_windings`: returns winding numbers at points (n, 3), one for each room, the largest
-    first, and NaN where it measures none.
-    """
+    """Label what a ball of `radius` voxels reaches from the border `OUTSIDE`, by windings."""
     grows = radius >= 1.0  # no two points are closer
     near = np.empty(labels.shape, dtype=np.bool_) if grows else labels == SHELL
     squares = np.empty(labels.shape if grows else 0, dtype=np.uint16)
@@ -169,10 +164,7 @@ def nets_of(
     *,
     threads: int | None = None,
 ) -> Nets:
-    """Build the surface around the points where a field of the band is not positive.
-
-    `field` (n_slots, 512) float32; `labels` (nx, ny, nz) uint8; `thin` (n_slots, 512) bool.
-    """
+    """Build the surface around points (n_slots, 512) where a field is not positive."""
     return nets_around(band, field, solid_points(band, field, labels, threads), thin, threads)
 
 

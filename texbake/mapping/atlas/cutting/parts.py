@@ -53,13 +53,7 @@ def divide_parts(
     whole_faces: int,
     polygons: IntArray | None = None,
 ) -> IntArray:
-    """Divide the parts of a mesh that have too many faces.
-
-    `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `opposite`
-    (3 F,) int32; `parts` (F,) int32; `part_faces`: number of faces that new parts should have;
-    `whole_faces`: parts of at most this many faces stay whole; `polygons` (F,) int32. Returns (F,)
-    int32: part of each face. Parts are connected, numbered from 0 without gaps, new ones last.
-    """
+    """(F,) connected parts, new ones last, once those above `whole_faces` are divided."""
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
         return parts
@@ -75,12 +69,7 @@ def divide_parts(
 def step_lengths(
     points: FloatArray, faces: IntArray, opposite: IntArray, polygons: IntArray | None = None
 ) -> FloatArray:
-    """(F, 3) float64: how far each neighbor of a face is, more across a crease; 0 without one.
-
-    Negative between triangles of one of the `polygons` (F,), which are not to be cut.
-
-    Kernel: `core/face_parts.c`.
-    """
+    """(F, 3) steps to neighbors, 0 without; below 0 in a polygon; `core/face_parts.c`."""
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     lengths = np.empty((len(faces), 3))
     core.find_step_lengths(points, faces, neighbors, _SMOOTHINGS, lengths)
@@ -122,12 +111,7 @@ def face_batches(
     part_faces: int,
     regions: IntArray,
 ) -> list[IntArray]:
-    """Divide some faces of a mesh into batches that xatlas cuts one at a time.
-
-    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32;
-    `part_faces`: number of faces that a batch should have; `regions` (F,) int32: faces of different
-    regions are in different batches. Returns the faces (n,) int32 of each batch, ascending.
-    """
+    """Divide faces into ascending batches of one region each, that xatlas cuts one at a time."""
     pieces = connected_parts(part.opposite)
     labels = divide_parts(
         points,
@@ -199,13 +183,7 @@ def disk_charts(
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
-    """Flatten parts of a mesh, each in as few charts as the stretch allows.
-
-    `points` (V, 3) float64: points on the grid, in the unit cube; `corners` (F, 3) int32: indices
-    into `points`; `lengths` (F, 3) float64: from `step_lengths`. Returns `pieces`: faces (m,) int32
-    of some parts, and their charts; `left` (k,) int32: faces that could not be flattened,
-    ascending.
-    """
+    """Flatten parts in few charts, by `step_lengths`: faces and charts, and faces (k,) left."""
     laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
 

@@ -59,13 +59,7 @@ def xatlas_charts(
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> tuple[list[tuple[IntArray, Charts]], tuple[str, ...]]:
-    """Cut batches of faces into charts, each batch on its own.
-
-    `points` (V, 3) float64: points on the grid, in the unit cube; `faces` (F, 3) int32; `batches`:
-    faces (n,) int32 that are cut together; `timeout`: seconds after which xatlas is stopped on a
-    batch. Returns `pieces`: faces (n,) int32 and charts of each batch in which some face has an
-    area; `notes`: where xatlas failed and faces were cut by their normals instead.
-    """
+    """Cut batches of faces into charts, each within `timeout` s; and say where xatlas failed."""
     parts = [_Part.of(points, faces, face_ids) for face_ids in batches]
     parts.sort(key=lambda part: -len(part.faces))  # small ones last, so that workers end together
     answers: list[Charts | ChildError | None] = [None] * len(parts)
@@ -189,14 +183,7 @@ def plain_piece(
 def plain_charts(
     points: FloatArray, faces: IntArray
 ) -> tuple[IntArray, FloatArray, npt.NDArray[np.int64]]:
-    """Cut a mesh into charts by its normals.
-
-    Kernel: `core/normal_cones.c`.
-
-    `points` (V, 3) float64; `faces` (F, 3) int32. Returns `faces` (F, 3) int32: indices into `uvs`;
-    `uvs` (T, 2) float64: coordinates in the unit of the points; `chart_ids` (T,) int64: chart of
-    each coordinate, numbered from 0 without gaps in the order of the first faces.
-    """
+    """Cut a mesh into charts by normals, uvs in the unit of points; `core/normal_cones.c`."""
     corners = weld_rows(points)[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
     opposite = opposite_half_edges(corners, solid=solid)

@@ -60,15 +60,7 @@ def separate(
     search: SearchLimits,
     seed: int,
 ) -> tuple[IntArray, int, int]:
-    """Move charts until they keep their distance from each other.
-
-    Kernel: `core/guided_local_search.c`.
-
-    `places` (C, 3) int32: column, row and orientation of each chart; `weights` (C, C) int32: from
-    `pair_weights`; `size`: columns and rows of the grid. Returns `places` (C, 3) int32: those of
-    least overlap that were found; `overlap`: cells in which charts overlap there; `work`: steps of
-    work.
-    """
+    """Places (C, 3) of least overlap, its cells, and work; `core/guided_local_search.c`."""
     best_places = places.copy()
     work = np.empty(1, dtype=np.int64)
     overlap = core.separate_charts(
