@@ -137,21 +137,6 @@ def test_maps_of_any_size_agree(name):
         assert np.abs(heights - found[1.0][2]).max() < 1e-6
 
 
-CLASSICAL = (
-    {"method": "planar", "fit": "pca"}, {"method": "cylindrical", "caps": True},
-    {"method": "spherical"}, {"method": "box"}, {"method": "two-part"}, {"method": "projector"},
-)  # fmt: skip
-
-
-@pytest.mark.parametrize("options", CLASSICAL, ids=lambda options: options["method"])
-@pytest.mark.parametrize("name", MESHES)
-def test_classical_coordinates_are_equal_to_rounding(name, options):
-    mesh = mesh_of(name)
-    uvs = texbake.unwrap(mesh, **options).corner_uvs()
-    after = scaled(mesh, factor_of(name, CLASSICAL.index(options)))
-    assert np.abs(texbake.unwrap(after, **options).corner_uvs() - uvs).max() <= 1e-12
-
-
 @pytest.mark.parametrize("by", [(3.0, 0.1, -7.3), (0.7, 1e-3, 0.0)])
 def test_place_changes_no_choice(by):
     mesh = icosphere(3)

@@ -188,31 +188,6 @@ def test_no_texture_coordinates():
         corner_tangents(Mesh(positions=SQUARE, faces=SQUARE_FACES))
 
 
-values = st.sampled_from([0.0, -0.0, 0.25, 1.0, -1.0, 1e-30, 1e30])
-corner_ids = st.integers(0, 4)
-six_faces = hnp.arrays(np.int32, (6, 3), elements=corner_ids)
-
-
-@given(
-    hnp.arrays(np.float64, (5, 3), elements=values),
-    hnp.arrays(np.float64, (5, 2), elements=values),
-    hnp.arrays(np.float64, (5, 3), elements=values),
-    six_faces,
-    six_faces,
-    six_faces,
-)
-def test_every_tangent_is_unit(positions, uvs, normals, faces, uv_faces, normal_faces):
-    mesh = Mesh(
-        positions=positions, faces=faces, uvs=uvs, uv_faces=uv_faces, normals=normals,
-        normal_faces=normal_faces,
-    )  # fmt: skip
-    for each in (mesh, mesh.replace(normals=None, normal_faces=None)):
-        tangents = corner_tangents(each)
-        assert tangents.dtype == np.float32
-        assert np.abs(np.linalg.norm(tangents[..., :3], axis=2) - 1.0).max() < ROUNDING
-        assert (np.abs(tangents[..., 3]) == 1.0).all()
-
-
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_a_needle_has_the_tangent_of_its_face_at_its_tip(axes):
     # The angle at the tip, 1e-8, is less than a float32 cosine can tell from 0.
