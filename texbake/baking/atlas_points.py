@@ -7,13 +7,12 @@ into an image, and fills the other texels with `texbake.fill`.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.channel_images import surface_points
 from texbake.baking.texels import NO_FACE, SampleGrid, owned_bands, snap_uvs
 from texbake.mapping.options.shared import TextureOptions
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray
 from texbake.mesh.normals import shading_normals
 from texbake.progress import Progress, Stages
 from texbake.records import dataclass
@@ -25,16 +24,16 @@ class AtlasPoints:
     """Points of a mesh at the centers of texels; row 0 is at the top of the image."""
 
     positions: FloatArray  # (H, W, 3) float64: points in the space of the mesh; 0 outside
-    normals: npt.NDArray[np.float32]  # (H, W, 3): unit shading normals; 0 outside
-    faces: npt.NDArray[np.int32]  # (H, W): face that covers the center of each texel, -1 for none
-    barycentrics: npt.NDArray[np.float32]  # (H, W, 3): weights of its corners; 0 outside
+    normals: Float32Array  # (H, W, 3): unit shading normals; 0 outside
+    faces: IntArray  # (H, W): face that covers the center of each texel, -1 for none
+    barycentrics: Float32Array  # (H, W, 3): weights of its corners; 0 outside
 
     def __repr__(self) -> str:
         height, width = self.faces.shape
         return f"<AtlasPoints: {width} x {height}, {self.mask.mean():.0%} covered>"
 
     @property
-    def mask(self) -> npt.NDArray[np.bool_]:
+    def mask(self) -> BoolArray:
         """(H, W) bool: texels whose center a face covers."""
         return np.asarray(self.faces != NO_FACE)
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.ray_distances import LEAST_EXTENT
 from texbake.baking.scenes import measure_extent
@@ -24,7 +23,7 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, counted
 from texbake.mesh.frame import LocalFrame, UnitGrid
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, smooth_normals
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
@@ -209,7 +208,7 @@ class OuterPoints(Rows):
     # False if no normal of the low-poly surface goes through the point, as where normals cross: the
     # face is then the closest one, and the height the distance to it. False also over folded faces,
     # where the smooth normal of a corner hardly points out of the face.
-    exact: npt.NDArray[np.bool_]
+    exact: BoolArray
 
 
 def find_outer_points(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.hits import Float32Array, Hits
+from texbake.baking.hits import Hits
 from texbake.core import core, portable_math as pm
 from texbake.mesh.materials import (
     CHANNELS,
@@ -19,7 +19,7 @@ from texbake.mesh.materials import (
     Placing,
     SurfaceSampler,
 )
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
 from texbake.records import dataclass

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
+from texbake.mesh.mesh import FloatArray
 from texbake.mesh.oklch import linear_from_oklch
 from texbake.metadata import (
     CONVENTION,
@@ -136,7 +137,7 @@ def _positions(baked: BakedMap, bits: int) -> EncodedMap:
     return EncodedMap(quantize_points(baked.values, low, high, bits, threads=threads), metadata)
 
 
-def _numbers(point: npt.NDArray[np.float64]) -> str:
+def _numbers(point: FloatArray) -> str:
     return " ".join(map(repr, point.tolist()))
 
 

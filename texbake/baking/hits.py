@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.texels import Samples
 from texbake.core import core
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, IntArray
 from texbake.parallel import run_bands
 from texbake.raycast.rays import NO_HIT, RayHits, Rays, Rows
 from texbake.records import dataclass
-
-Float32Array = npt.NDArray[np.float32]
 
 # Hits whose values stay in a processor's cache while they are computed.
 _BAND = 1 << 15
@@ -54,7 +51,7 @@ class Hits(Rows):
         )
 
     @property
-    def is_hit(self) -> npt.NDArray[np.bool_]:
+    def is_hit(self) -> BoolArray:
         """Which rows are hits; the others are misses."""
         return np.asarray(self.high_faces != NO_HIT)
 

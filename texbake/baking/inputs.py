@@ -12,7 +12,6 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.channel_images import ChannelImages, MaterialPoints, points_by_material
 from texbake.baking.hits import Hits
@@ -21,15 +20,13 @@ from texbake.baking.rays import ray_normals
 from texbake.baking.texels import texel_charts_of
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, vertex_curvatures
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import Marks
 from texbake.mesh.tangents import shading_tangents
 from texbake.records import dataclass
 from texbake.texture.encoding import decode_srgb
-
-Float32Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,7 +33,7 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import CageError, OptionError
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals
 from texbake.mesh.polygons import outlines
 from texbake.parallel import run_bands
@@ -41,8 +41,6 @@ from texbake.raycast.rays import NO_HIT, Rays
 from texbake.raycast.scene import RayPlaces, RayScene, rows_of
 from texbake.records import dataclass
 from texbake.texture.lookup import lookup
-
-Float32Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.options import BakeOptions
 from texbake.baking.trace import TraceCounts
 from texbake.core import core
 from texbake.errors import counted
+from texbake.mesh.mesh import FloatArray
 from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
@@ -32,7 +32,7 @@ class DistanceSummary:
     """Distances between two surfaces, collected in parts, however the trace is divided."""
 
     def __init__(self) -> None:
-        self._some: list[npt.NDArray[np.float64]] = []
+        self._some: list[FloatArray] = []
         self._least, self._greatest = np.inf, 0.0
         self._n_hits = 0
 

@@ -21,7 +21,7 @@ from texbake.baking.report import BakeReport
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, make_folder
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.metadata import Value
 from texbake.records import dataclass
 from texbake.texture.image import Image, image_as_read, read_image, write_image
@@ -55,9 +55,9 @@ class BakedMap:
     kind: MapKind
     # (H, W, C) float32: unit vectors, lengths in model units, colors or ids, depending on the kind;
     # the neutral value where nothing was baked
-    values: npt.NDArray[np.float32]
+    values: Float32Array
     # (H, W) bool: texels with a hit; the range of heights is measured over them
-    has_data: npt.NDArray[np.bool_]
+    has_data: BoolArray
     # gives the space, and the convention, bits, mid and scale that are not given to `write`
     options: BakeOptions
     # (2, 3) float64: for positions: the least and the greatest that integer files can hold
@@ -127,8 +127,8 @@ class BakeResult:
     # if the bake ran with `BakeOptions.keep_hits`; `remap` makes other maps from them
     hits: Hits | None
     # (H, W) int32: face of the low-poly mesh that owns each texel, -1 for none
-    texel_faces: npt.NDArray[np.int32]
-    has_data: npt.NDArray[np.bool_]  # (H, W) bool: texels with a hit
+    texel_faces: IntArray
+    has_data: BoolArray  # (H, W) bool: texels with a hit
     inputs: BakeInputs | None = None  # the meshes and options, if the hits were kept
 
     def __repr__(self) -> str:
@@ -146,7 +146,7 @@ class BakeResult:
         return f'<div style="display: flex; flex-wrap: wrap; gap: 8px">{"".join(figures)}</div>'
 
     @cached_property
-    def missed(self) -> npt.NDArray[np.bool_]:
+    def missed(self) -> BoolArray:
         """(H, W) bool: texels that the low-poly mesh covers and whose rays all missed."""
         return (self.texel_faces >= 0) & ~self.has_data
 
@@ -171,20 +171,18 @@ class BakeResult:
         return paths
 
 
-def classes_picture(
-    texel_faces: IntArray, without_data: npt.NDArray[np.bool_]
-) -> npt.NDArray[np.uint8]:
+def classes_picture(texel_faces: IntArray, without_data: BoolArray) -> npt.NDArray[np.uint8]:
     """(H, W, 3) uint8: gray outside the charts, green inside, red without data."""
     return _CLASS_COLORS[(texel_faces >= 0).astype(np.intp) + without_data]
 
 
-def read_misses(path: PathLike) -> npt.NDArray[np.bool_]:
+def read_misses(path: PathLike) -> BoolArray:
     """Read a miss map; return an (H, W) array that is true where rays missed."""
     # Only the color of misses has much red.
     return np.asarray(read_image(path, color=False).pixels[..., 0] > 0.5, dtype=np.bool_)
 
 
-def unseen_faces(n_faces: int, texel_faces: IntArray) -> npt.NDArray[np.bool_]:
+def unseen_faces(n_faces: int, texel_faces: IntArray) -> BoolArray:
     """(F,) bool: faces that own no texel, from the face of each texel (H, W), -1 for none."""
     seen = np.zeros(n_faces + 1, dtype=np.bool_)
     texels = texel_faces.ravel()

@@ -31,8 +31,6 @@ from texbake.raycast.rays import (
 )
 from texbake.records import dataclass
 
-Float32Array = npt.NDArray[np.float32]
-
 _BAND = 1 << 15
 _BLOCK = 4  # texels along the side of a square that shares a net of directions
 # How far above the surface rays start, in local units. The normal of a face is rounded to float32,

@@ -26,7 +26,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakedMap
 from texbake.baking.texels import NO_FACE
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, Int64Array, IntArray
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.texture.padding import nearest_owner, push_pull
@@ -34,7 +34,6 @@ from texbake.texture.padding import nearest_owner, push_pull
 if TYPE_CHECKING:
     from texbake.baking.texture.options import TextureBakeOptions
 
-BoolArray = npt.NDArray[np.bool_]
 
 # Hits whose values for a map stay in a processor's cache until they are added.
 _HITS_PER_BAND = 1 << 15
@@ -90,13 +89,13 @@ class TexelSums:
         else:  # bands share texels, or samplers are called, one band at a time
             run_bands(add, len(hits), band=_BAND, threads=1)
 
-    def place(self, means: dict[MapKind, npt.NDArray[np.float32]], has_data: BoolArray) -> None:
+    def place(self, means: dict[MapKind, Float32Array], has_data: BoolArray) -> None:
         """Set the means of texels (height * width, channels) instead of adding samples."""
         self._sums = means
         self.n_hits = has_data.astype(np.uint8)
         self._n_samples = self.n_hits
 
-    def means(self, kind: MapKind) -> npt.NDArray[np.float32]:
+    def means(self, kind: MapKind) -> Float32Array:
         """(height, width, channels) values, neutral without hits; may be called once per map."""
         options = self._inputs.options
         sums = self._sums.pop(kind)
@@ -132,17 +131,11 @@ class TexelSums:
         core.count_samples(hits.texel_ids, counts)
 
 
-Float32Array = npt.NDArray[np.float32]
-
-
 class ChartPadding:
     """Pads and fills around charts (H, W) of several maps, by nearest texels found once."""
 
     def __init__(
-        self,
-        texel_charts: IntArray,
-        has_data: npt.NDArray[np.bool_],
-        options: BakeOptions | TextureBakeOptions,
+        self, texel_charts: IntArray, has_data: BoolArray, options: BakeOptions | TextureBakeOptions
     ) -> None:
         is_free = texel_charts < 0
         missed = ~(is_free | has_data)
@@ -152,8 +145,8 @@ class ChartPadding:
         self._has_data = has_data
         self._valid = has_data  # sources of the fill
         # Texels of the padding, and the texel from which each one takes its value.
-        self._targets: npt.NDArray[np.int64] = np.zeros(0, dtype=np.int64)
-        self._sources: npt.NDArray[np.int32] = np.zeros(0, dtype=np.int32)
+        self._targets: Int64Array = np.zeros(0, dtype=np.int64)
+        self._sources: IntArray = np.zeros(0, dtype=np.int32)
         self.n_meeting = 0  # texels where the padding of two charts meets
         if options.padding > 0:
             sources = texel_charts
@@ -200,7 +193,7 @@ class ChartPadding:
         return values
 
 
-def _normalize(values: Float32Array, chosen: npt.NDArray[np.bool_]) -> None:
+def _normalize(values: Float32Array, chosen: BoolArray) -> None:
     """Normalize the chosen vectors in place; zero vectors stay zero."""
     vectors = values[chosen]
     lengths = np.sqrt(pm.vecdot(vectors, vectors))
@@ -214,12 +207,12 @@ _STANDARD_ERRORS = 4.5
 
 
 def denoised(
-    values: npt.NDArray[np.float32],
+    values: Float32Array,
     kind: MapKind,
     texel_charts: IntArray,
-    has_data: npt.NDArray[np.bool_],
+    has_data: BoolArray,
     options: BakeOptions,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """Average each texel with neighbors that differ by less than a few standard errors of its rays.
 
     `values` (H, W, 1) float32; `texel_charts` (H, W) int32: neighbors in other charts do not count.
@@ -241,9 +234,9 @@ def denoised(
 
 def finished_maps(
     kinds: list[MapKind],
-    means: Callable[[MapKind], npt.NDArray[np.float32]],
+    means: Callable[[MapKind], Float32Array],
     texel_charts: IntArray,
-    has_data: npt.NDArray[np.bool_],
+    has_data: BoolArray,
     inputs: BakeInputs,
     stages: Stages,
 ) -> tuple[dict[str, BakedMap], int]:

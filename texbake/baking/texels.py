@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import UvError
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
 from texbake.progress import Stages
@@ -63,11 +63,11 @@ class SampleGrid:
 class SnappedFaces:
     """The faces of a mesh on the fixed-point grid of a `SampleGrid`."""
 
-    corners: npt.NDArray[np.int64]  # (F, 3, 2) int64; x to the right and y down, `UNIT` per sample
+    corners: Int64Array  # (F, 3, 2) int64; x to the right and y down, `UNIT` per sample
     # first_rows, last_rows: (F,) int32; rows of samples whose centers a face can own; the last is
     # below the first if there are none, as for most copies of faces that lie on one another.
-    first_rows: npt.NDArray[np.int32]
-    last_rows: npt.NDArray[np.int32]
+    first_rows: IntArray
+    last_rows: IntArray
     # Faces with a corner outside the unit square; what lies outside is not baked.
     n_outside_tile: int
     n_zero_area: int  # faces without area on the grid, which own no sample
@@ -78,10 +78,10 @@ class Samples(Rows):
     """Owned samples, in the order in which they are cast."""
 
     # (n,) int32; row times width plus column of the texel, row 0 at the top.
-    texel_ids: npt.NDArray[np.int32]
-    faces: npt.NDArray[np.int32]  # (n,) int32; face of the mesh
+    texel_ids: IntArray
+    faces: IntArray  # (n,) int32; face of the mesh
     # (n, 2) float64; weights of the face's second and third corner at the sample.
-    barycentrics: npt.NDArray[np.float64]
+    barycentrics: FloatArray
 
 
 def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
@@ -126,12 +126,8 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
 
 
 def rasterize_uv(
-    faces: SnappedFaces,
-    grid: SampleGrid,
-    rows: range | None = None,
-    *,
-    threads: int | None = None,
-) -> tuple[npt.NDArray[np.int32], int]:
+    faces: SnappedFaces, grid: SampleGrid, rows: range | None = None, *, threads: int | None = None
+) -> tuple[IntArray, int]:
     """Find the owner of every sample in some rows of texels: the first face that covers its center.
 
     `rows`: rows of texels, all of them for None. Returns `owners` (len(rows) * per_side, width *
@@ -160,7 +156,7 @@ def rasterize_uv(
 
 
 def owned_samples(
-    owners: npt.NDArray[np.int32],
+    owners: IntArray,
     faces: SnappedFaces,
     grid: SampleGrid,
     first_texel_row: int,
@@ -220,7 +216,7 @@ class TexelBand:
                 np.copyto(texels, cells[:, i, :, j], where=texels == NO_FACE)
 
     def sums(
-        self, values: npt.NDArray[np.floating], chosen: npt.NDArray[np.int64] | None = None
+        self, values: npt.NDArray[np.floating], chosen: Int64Array | None = None
     ) -> FloatArray:
         """(len(rows) * width, C) sums of (n, C) values of `chosen` samples, or all, by texel."""
         ids = self.samples.texel_ids if chosen is None else self.samples.texel_ids[chosen]
@@ -229,7 +225,7 @@ class TexelBand:
         columns = [np.bincount(places, column, minlength=n_texels) for column in values.T]
         return np.stack(columns, axis=1)
 
-    def counts(self) -> npt.NDArray[np.int64]:
+    def counts(self) -> Int64Array:
         """(len(rows) * width,) int64: samples of each texel."""
         places = self.samples.texel_ids - self.rows.start * self.width
         return np.bincount(places, minlength=len(self.rows) * self.width)

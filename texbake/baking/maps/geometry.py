@@ -23,8 +23,9 @@ from texbake.baking.maps.kind import FLAT, INNER, OUTER, MapKind
 from texbake.errors import OptionError
 
 if TYPE_CHECKING:
-    from texbake.baking.hits import Float32Array, Hits
+    from texbake.baking.hits import Hits
     from texbake.baking.inputs import BakeInputs
+    from texbake.mesh.mesh import Float32Array
 
 
 def normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:

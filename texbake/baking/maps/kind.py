@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 from texbake.records import dataclass
 
 if TYPE_CHECKING:
-    from texbake.baking.hits import Float32Array, Hits
+    from texbake.baking.hits import Hits
     from texbake.baking.inputs import BakeInputs
     from texbake.baking.options import BakeOptions
+    from texbake.mesh.mesh import Float32Array
 
 OUTER, INNER = "outer rays", "inner rays"  # values of `MapKind.needs`
 FLAT = (0.0, 0.0, 1.0)

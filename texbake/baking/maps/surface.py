@@ -12,9 +12,9 @@ from texbake.baking.maps.kind import MapKind
 from texbake.errors import MeshError
 
 if TYPE_CHECKING:
-    from texbake.baking.hits import Float32Array, Hits
+    from texbake.baking.hits import Hits
     from texbake.baking.inputs import BakeInputs
-    from texbake.mesh.mesh import IntArray
+    from texbake.mesh.mesh import Float32Array, IntArray
 
 
 _OF_VERTEX_COLORS = ("base-color", "alpha")

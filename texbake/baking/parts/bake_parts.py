@@ -18,7 +18,7 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind, map_kinds
 from texbake.baking.options import BakeOptions
 from texbake.baking.parts.high_parts import HighMeshes, NamedPart, match_objects, match_parts
-from texbake.baking.parts.low_parts import BakeTarget, BoolArray, LowMesh, LowPart, TargetLayout
+from texbake.baking.parts.low_parts import BakeTarget, LowMesh, LowPart, TargetLayout
 from texbake.baking.parts.matching import Matching, PartsOptions
 from texbake.baking.parts.result import (
     PartFigures,
@@ -35,7 +35,7 @@ from texbake.errors import OptionError, TexbakeError, UvError, quoted
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import Progress, Stages

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.parts.matching import (
     Matching,
@@ -23,12 +22,10 @@ from texbake.baking.parts.matching import (
 from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, join_meshes, used_rows
 from texbake.mesh.materials import Materials, MeshMaterial
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.objects import face_objects, object_names
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +260,7 @@ def _with_uvs(mesh: Mesh) -> Mesh:
     return mesh.replace(uvs=np.zeros((1, 2)), uv_faces=np.zeros((mesh.n_faces, 3), np.int32))
 
 
-def _colors(mesh: Mesh) -> npt.NDArray[np.float32]:
+def _colors(mesh: Mesh) -> Float32Array:
     """(V, 3) colors, white if there are none; maps do not use alpha."""
     if mesh.colors is None:
         return np.ones((mesh.n_vertices, 3), np.float32)

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.maps import FIRST_TILE
 from texbake.baking.parts.high_parts import NamedPart
@@ -24,7 +23,7 @@ from texbake.errors import MeshError, UvError
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.compose import excerpt
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import shading_tangents
 from texbake.records import dataclass
@@ -33,8 +32,6 @@ _COLUMNS = 10
 _LAST_TILE = 9999  # numbers have four digits
 # Rounding of coordinates on a border in float32 files, in tiles.
 _ON_BORDER = 1e-6
-
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +104,7 @@ class LowPart:
     is_stacked: BoolArray | None = None
 
     @cached_property
-    def tangents(self) -> npt.NDArray[np.float32]:
+    def tangents(self) -> Float32Array:
         """(F, 3, 4) float32: corner tangents of the mesh."""
         return shading_tangents(self.mesh)
 

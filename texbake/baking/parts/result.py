@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.codings import file_bits, usual_curvature
 from texbake.baking.inputs import BakeInputs
@@ -25,7 +24,7 @@ from texbake.baking.texel_values import finished_maps
 from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import TraceCounts
 from texbake.errors import FileError, counted
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, Float32Array, IntArray
 from texbake.progress import StageRecord, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.records import dataclass
@@ -212,7 +211,7 @@ class TargetMaps:
         self._is_tile = is_tile
         self._kinds, self._options = kinds, options
         shape = (options.height_px, options.width_px)
-        self._values: dict[MapKind, npt.NDArray[np.float32]] = {}
+        self._values: dict[MapKind, Float32Array] = {}
         self._charts: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
         self._faces: IntArray = np.full(shape, NO_FACE, dtype=np.int32)
         self._has_data = np.zeros(shape, dtype=np.bool_)
@@ -227,7 +226,7 @@ class TargetMaps:
         inputs: BakeInputs,
         face_ids: IntArray,
         n_faces: int,
-        is_stacked: npt.NDArray[np.bool_] | None = None,
+        is_stacked: BoolArray | None = None,
     ) -> None:
         """Add a part that was baked without padding, with its faces (F,) in the whole mesh."""
         covered = result.texel_faces != NO_FACE
@@ -290,7 +289,7 @@ class TargetMaps:
         return BakeResult(maps, report, None, self._faces, self._has_data)
 
 
-def _window(covered: npt.NDArray[np.bool_]) -> tuple[slice, slice]:
+def _window(covered: BoolArray) -> tuple[slice, slice]:
     """Rows and columns that hold all covered texels, of which there is at least one."""
     rows = np.flatnonzero(covered.any(axis=1))
     columns = np.flatnonzero(covered[rows[0] : rows[-1] + 1].any(axis=0))

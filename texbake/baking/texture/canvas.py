@@ -26,14 +26,12 @@ from texbake.core import portable_math as pm
 from texbake.errors import UvError, counted
 from texbake.files import PathLike
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 from texbake.texture.image import write_image
 from texbake.texture.lookup import texel_coordinates
 from texbake.texture.padding import push_pull
-
-Float32Array = npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -149,13 +147,13 @@ class TextureBake:
 
     values: Float32Array  # (H, W, C) float32: linear values, padded and filled
     # (H, W) int32: face of the mesh that owns each texel, -1 for none
-    texel_faces: npt.NDArray[np.int32]
+    texel_faces: IntArray
     # (H, W) bool: covered texels that have a value of their own, before padding and filling
-    has_color: npt.NDArray[np.bool_]
+    has_color: BoolArray
     report: TextureReport
 
     @cached_property
-    def unseen(self) -> npt.NDArray[np.bool_]:
+    def unseen(self) -> BoolArray:
         """(H, W) bool: texels that the mesh covers but no photograph shows."""
         return (self.texel_faces >= 0) & ~self.has_color
 
@@ -208,7 +206,7 @@ class TextureCanvas:
             self._n_overlapping += band.n_overlaps
             yield band
 
-    def put(self, band: TexelBand, values: FloatArray, chosen: npt.NDArray[np.bool_]) -> None:
+    def put(self, band: TexelBand, values: FloatArray, chosen: BoolArray) -> None:
         """Give values (n, C) to the chosen (n,) of all texels of a band."""
         rows = slice(band.rows.start, band.rows.stop)
         self._values[rows].reshape(len(chosen), -1)[chosen] = values[chosen]

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.texels import SampleGrid, Samples
 from texbake.baking.texture.canvas import sample_steps
@@ -23,7 +22,7 @@ from texbake.errors import OptionError
 from texbake.mapping.classical.projector import seen_from_of
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mesh.frame import LocalFrame, unit_scale
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -53,10 +52,10 @@ class PhotoLookups:
     """Where some of the samples of a mesh appear in one photograph."""
 
     # (m,) int64; indices of the samples that the photograph shows, ascending.
-    ids: npt.NDArray[np.int64]
+    ids: Int64Array
     coordinates: FloatArray  # (m, 2) float64; UV coordinates in the photograph, v up
     # (m, 4) float32; du/dx, dv/dx, du/dy, dv/dy with x and y in samples of the baked texture.
-    derivatives: npt.NDArray[np.float32]
+    derivatives: Float32Array
     weights: FloatArray  # (m,) float64; above 0, up to 1
 
 
@@ -66,7 +65,7 @@ def hidden_points(
     faces: IntArray,
     seen_from: FloatArray,
     slack: FloatArray | float = 0.0,
-) -> npt.NDArray[np.bool_]:
+) -> BoolArray:
     """Find the points of a mesh that have its own surface between them and the camera.
 
     Rays start at the camera, or just outside the mesh if that is nearer, and end just before the
@@ -141,9 +140,7 @@ class CameraMapping:
         ids = self._select_visible(samples.faces, rays.origins, np.flatnonzero(weights))
         return PhotoLookups(ids, coordinates[ids], derivatives[ids], weights[ids])
 
-    def _select_visible(
-        self, faces: IntArray, points: FloatArray, ids: npt.NDArray[np.int64]
-    ) -> npt.NDArray[np.int64]:
+    def _select_visible(self, faces: IntArray, points: FloatArray, ids: Int64Array) -> Int64Array:
         """Those of some points that are visible, as are the four corners of the margin around."""
         scene, seen_from = self._occluders, self._seen_from
         if scene is None:

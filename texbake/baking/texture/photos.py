@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.rays import RayField
 from texbake.baking.texels import SampleGrid
@@ -34,7 +33,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.options.shared import Matrix, Vector, check_direction, check_numbers
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.progress import Progress
 from texbake.raycast.scene import RayScene
 from texbake.records import dataclass
@@ -145,7 +144,7 @@ class Photo:
     # path, Image or (H, W, C) float32: an array holds linear colors, gray or RGB. The second
     # channel of two and the fourth of four is opacity, by which pixels are weighted; a pixel that
     # is not finite has none.
-    image: PathLike | Image | npt.NDArray[np.float32]
+    image: PathLike | Image | Float32Array
     camera: PhotoCamera | Matrix | None = None  # A camera, or a matrix as in `read_camera`
     # Instead of a camera: the faces of the baked mesh, in the same order, with texture coordinates
     # in the photograph. Whatever lies outside the unit square is not in it.
@@ -193,7 +192,7 @@ class PhotoPixels:
         return colors * lookups.weights[:, None]
 
 
-def _premultiplied(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _premultiplied(pixels: Float32Array) -> Float32Array:
     """(H, W, 4) float32: colors times opacity, and opacity."""
     n_colors = 1 if pixels.shape[2] < 3 else 3
     weighted = np.ones((*pixels.shape[:2], 4), np.float32)
