@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from texbake.errors import UnwrapError, UvError
+from texbake.errors import UnwrapError, UvError, counted
 from texbake.mapping.atlas.charts import (
     Charts,
     ChartSurface,
@@ -120,14 +120,31 @@ def _packed_charts(
             tile_groups=_tile_groups(meshes, all_charts) if options.by_group else None,
             density=options.texel_density,
             unit=unit,
+            reshape=not options.keep and options.max_stretch is None,
             threads=threads,
         )
+    all_charts = _with_notes(all_charts, packing.reshaped)
     parts = np.split(packing.uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
     atlases = [
         Atlas(corners=uvs[charts.faces], charts=charts, padding=padding)
         for uvs, charts in zip(parts, all_charts, strict=True)
     ]
     return atlases, packing
+
+
+def _with_notes(all_charts: list[Charts], reshaped: BoolArray) -> list[Charts]:
+    """Note the charts of each mesh that packing has reshaped."""
+    starts = np.cumsum([charts.n_charts for charts in all_charts])[:-1]
+    noted = []
+    for charts, own in zip(all_charts, np.split(reshaped, starts), strict=True):
+        if own.any():
+            note = (
+                f"{counted(int(own.sum()), 'long strip')} would own hardly any texels: shown "
+                "shorter and wider in the texture"
+            )
+            charts = replace(charts, notes=(*charts.notes, note))
+        noted.append(charts)
+    return noted
 
 
 def _make_charts(

@@ -42,6 +42,9 @@ _PLAIN_FACES = 3_000
 
 # A longer chart would set the scale of all others: most sides of a square as large as all charts.
 _MOST_SIDES = 1.6
+# Faces that are longer than this many sides are a strip, which no cut makes shorter. Shorter faces
+# stay apart from it, since the texture may show it shorter than it is, with all that it contains.
+STRIP_SIDES = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +117,10 @@ def cut_charts(
         )
     else:
         sizes = _QUALITIES[quality] if surface.seams is None else _AS_MARKED
-        labels = _labels(points, corners, opposite, mesh.polygon_of, sizes)
         area = float(surface_areas(points[corners[solid]]).sum())
+        if surface.seams is None:
+            opposite = _around_strips(points[corners], opposite, STRIP_SIDES * math.sqrt(area))
+        labels = _labels(points, corners, opposite, mesh.polygon_of, sizes)
         pieces, left = disk_charts(
             points,
             corners,
@@ -138,6 +143,17 @@ def cut_charts(
     if not pieces:
         raise UnwrapError(_why_nothing(mesh))
     return gather_charts(mesh.faces, pieces, notes)
+
+
+def _around_strips(corners: FloatArray, opposite: IntArray, strip_length: float) -> IntArray:
+    """(3 F,) int32: `opposite`, cut where long faces meet others of less than half their length."""
+    edges = corners - np.roll(corners, 1, axis=1)
+    lengths = np.sqrt((edges**2).sum(axis=2).max(axis=1))
+    if not (lengths > strip_length).any():
+        return opposite
+    own, other = np.repeat(lengths, 3), lengths[opposite // 3]
+    longer, shorter = np.maximum(own, other), np.minimum(own, other)
+    return np.where((longer > strip_length) & (shorter < longer / 2.0), np.int32(-1), opposite)
 
 
 def _labels(

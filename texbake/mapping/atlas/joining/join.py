@@ -20,6 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.mapping.atlas.charts import Charts, ChartSurface
+from texbake.mapping.atlas.cutting.cut import STRIP_SIDES
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
 from texbake.mesh.mesh import IntArray
@@ -72,6 +73,7 @@ def join_charts(
         chart_l2=most_chart_l2,
         chart_area=area * most_share,
         chart_length=most_length * math.sqrt(area),
+        strip_length=STRIP_SIDES * math.sqrt(area),
     )
     joining = _Joining(pieces, opposite, allowed, surface.threads)
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))

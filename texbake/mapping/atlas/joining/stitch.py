@@ -31,6 +31,7 @@ class MergeTolerance:
     chart_area: float  # largest area of a joined chart; tiny charts may always join
     # Greatest extent of a joined chart; it may also be as long as the longer of the two.
     chart_length: float
+    strip_length: float  # a longer piece joins only pieces at least half as long as itself
 
     def covers(self, merge: ChartMerge) -> bool:
         """Whether a merge is allowed; one that makes nothing worse always is."""
@@ -41,7 +42,10 @@ class MergeTolerance:
         )
 
     def has_place(self, one: ChartPiece, other: ChartPiece) -> bool:
-        """Whether two pieces are small enough to be joined."""
+        """Whether two pieces are small enough to be joined, and none is lost on a long strip."""
+        longer, shorter = max(one.length, other.length), min(one.length, other.length)
+        if longer > self.strip_length and shorter < longer / 2.0:
+            return False
         whole, lesser = one.area + other.area, min(one.area, other.area)
         return whole <= self.chart_area or lesser <= _NEXT_TO_NOTHING * self.chart_area
 

@@ -23,7 +23,9 @@ from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, pla
 from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid, least_box_angles
 from texbake.mapping.atlas.packing.refine import FinalLayout, RoughLayout, refine_layout
 from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
+from texbake.mapping.atlas.packing.strips import with_wide_strips
 from texbake.mapping.corner_uvs import signed_areas
+from texbake.mapping.seams import BoolArray
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -91,6 +93,7 @@ class Packing:
     fill: float  # area of the charts as a share of the used tiles
     tiles: IntArray  # (C,) int32; tile of each chart
     n_tiles: int  # tiles with charts on them
+    reshaped: BoolArray  # (C,); charts that are no longer similar to the input
 
 
 def pack_charts(
@@ -106,6 +109,7 @@ def pack_charts(
     tile_groups: IntArray | None = None,
     density: float | None = None,
     unit: float = 1.0,
+    reshape: bool = False,
     threads: int | None = None,
 ) -> Packing:
     """Rotate, scale and move charts so that they fill one or several textures.
@@ -113,14 +117,18 @@ def pack_charts(
     `uvs` (T, 2) float64; `faces` (F, 3) int32; `chart_ids` (T,) int32; `size`: texels in a row, and
     rows; `tiles`: number of textures, for each group if there are groups; `tile_groups` (C,) int32;
     `density`: texels per model unit, None for the largest that fits; `unit`: model units per unit
-    of `uvs`.
+    of `uvs`; `reshape`: make strips shorter and wider if they would own hardly any texels.
     """
     n_charts = int(chart_ids.max()) + 1
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
     charts = charts.upright(least_box_angles(uvs, chart_ids))
-    grid = PackingGrid.over(size, padding, most_cells=_most_cells(size, n_charts))
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
-    check_tiles(int(groups.max()) + 1, tiles, name)
+    n_groups = int(groups.max()) + 1
+    check_tiles(n_groups, tiles, name)
+    reshaped = np.zeros(n_charts, dtype=np.bool_)
+    if reshape and density is None:
+        charts, reshaped = with_wide_strips(charts, size, padding, tiles * n_groups)
+    grid = PackingGrid.over(size, padding, most_cells=_most_cells(size, n_charts))
     bins = Bins(charts, grid, groups, tiles)
     n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS) if effort != "fast" else 0
     searched = (
@@ -135,13 +143,13 @@ def pack_charts(
         found = _searched(bins, size, padding, effort, threads)
         if found is not None:
             bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
-            return _packed(bins, size, padding)
+            return _packed(bins, size, padding, reshaped)
     if density is not None:
         if not place_at_scale(bins, density * unit / grid.cell, n_orders):
             raise UnwrapError(_does_not_fit_at(bins, density, unit, size, padding, name))
     elif not place_at_largest_scale(bins, n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
-    return _packed(bins, size, padding)
+    return _packed(bins, size, padding, reshaped)
 
 
 def check_tiles(n_groups: int, tiles: int, name: str) -> None:
@@ -154,7 +162,7 @@ def check_tiles(n_groups: int, tiles: int, name: str) -> None:
         )
 
 
-def _packed(bins: Bins, size: tuple[int, int], padding: int) -> Packing:
+def _packed(bins: Bins, size: tuple[int, int], padding: int, reshaped: BoolArray) -> Packing:
     """Turn cells into texture coordinates."""
     charts, found, cell = bins.charts, bins.found, bins.grid.cell
     uvs = (found.uvs() * cell + padding) / np.array(size, dtype=np.float64)
@@ -167,6 +175,7 @@ def _packed(bins: Bins, size: tuple[int, int], padding: int) -> Packing:
         fill=area / n_tiles,
         tiles=bins.tiles,
         n_tiles=n_tiles,
+        reshaped=reshaped,
     )
 
 
