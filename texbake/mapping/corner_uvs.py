@@ -14,7 +14,7 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, UvError
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows
 from texbake.records import dataclass
 
 _NAMES_SHOWN = 8
@@ -43,11 +43,12 @@ def with_coordinates(mesh: Mesh, corners: FloatArray) -> Mesh:
 
 def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, IntArray]:
     """Weld coordinates (F, 3, 2) of corners at a vertex into uvs (T, 2) and uv_faces (F, 3)."""
-    flat = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
     # Rows are welded by values of one type; a vertex index is exact as a float64.
-    firsts = weld_rows(np.column_stack([faces.ravel(), flat]))
-    used, uv_faces = np.unique(firsts, return_inverse=True)
-    return flat[used], uv_faces.reshape(-1, 3).astype(np.int32)
+    rows = np.empty((faces.size, 3))
+    rows[:, 0] = faces.ravel()
+    rows[:, 1:] = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
+    used, uv_faces = unique_rows(rows)
+    return np.ascontiguousarray(rows[used, 1:]), uv_faces.reshape(-1, 3)
 
 
 def faces_of_group(mesh: Mesh, name: str) -> BoolArray:
@@ -125,7 +126,7 @@ def has_measurable_uvs(mesh: Mesh) -> bool:
 def measurable_uvs(mesh: Mesh) -> FloatArray:
     """(F, 3, 2) float64: texture coordinates of the corners, checked so that areas are finite."""
     corners = mesh.corner_uvs()
-    if not has_measurable_uvs(mesh):
+    if not float(np.abs(corners).max()) <= _LONGEST:
         raise UvError(
             f"{mesh.name}: its texture coordinates lie up to {np.abs(corners).max():.3g} tiles "
             "from the origin, so areas in the texture cannot be computed; make new ones with: "

@@ -15,7 +15,7 @@ import numpy as np
 from texbake.errors import counted
 from texbake.mapping.corner_uvs import check_measurable
 from texbake.mapping.overlap import find_overlaps
-from texbake.mapping.seams import chart_ids, seam_length
+from texbake.mapping.seams import charts_and_seams
 from texbake.mapping.stretch import FaceStretch, Stretch, face_stretch, stretch_by_group
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -189,10 +189,11 @@ def distortion(
     check_measurable(mesh)
     found = face_stretch(mesh, size)
     uvs = mesh.corner_uvs()
-    charts = chart_ids(mesh)[found.faces]
-    overlaps = find_overlaps(uvs, threads=threads)
     measured = np.zeros(mesh.n_faces, dtype=bool)
     measured[found.faces] = True
+    charts, seam_length = charts_and_seams(mesh, measured)
+    charts = charts[found.faces]
+    overlaps = find_overlaps(uvs, threads=threads)
     everything = np.zeros(len(found.faces), dtype=np.int32)
     texel_areas = np.abs(found.texel_areas)
     chart_figures = _chart_figures(found, charts, width * height)
@@ -208,7 +209,7 @@ def distortion(
         n_overlapping=int(overlaps.overlapping.sum()),
         n_unsure=int(overlaps.unsure.sum()),
         n_charts=len(chart_figures),
-        seam_length=seam_length(mesh, measured),
+        seam_length=seam_length,
         fill=float(texel_areas.sum()) / (width * height),
         n_tiles=_n_tiles(uvs[found.faces]),
         texel_density=math.sqrt(texel_areas.sum() / found.areas.sum()),

@@ -20,7 +20,7 @@ from texbake.mesh.hard_edges import exceed_angle, inner_edges, normals_jump
 from texbake.mesh.mesh import BoolArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.topology import edge_ids, face_components
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import unique_rows, weld_rows
 
 
 def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
@@ -35,8 +35,14 @@ def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
     """
     corners = _texture_corners(mesh)
     if cut is not None:
-        corners = corners + corners.size * cut[:, np.newaxis]
+        corners = corners + (int(corners.max(initial=-1)) + 1) * cut[:, np.newaxis]
     return connected_faces(edge_ids(corners))
+
+
+def charts_and_seams(mesh: Mesh, faces: BoolArray) -> tuple[IntArray, float]:
+    """`chart_ids` of a mesh, and `seam_length` of some of its faces."""
+    edges = edge_ids(_texture_corners(mesh))
+    return connected_faces(edges), _length(mesh, _seams(mesh, edges, faces))
 
 
 def border_edges(mesh: Mesh) -> BoolArray:
@@ -47,16 +53,32 @@ def border_edges(mesh: Mesh) -> BoolArray:
 def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
     """(F, 3) edges where the texture is cut but the surface is not, on both sides."""
     kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
-    in_texture = edge_ids(_texture_corners(mesh)[kept])
-    in_space = edge_ids(weld_rows(mesh.positions)[mesh.faces[kept]])
+    return _seams(mesh, edge_ids(_texture_corners(mesh)), kept)
+
+
+def _seams(mesh: Mesh, edges: Int64Array, kept: BoolArray) -> BoolArray:
+    """`seam_edges` of the `kept` (F,) faces, whose edges in the texture are `edges` (F, 3)."""
     cut = np.zeros((mesh.n_faces, 3), dtype=bool)
-    cut[kept] = _used_once(in_texture) & ~_used_once(in_space)
+    cut[kept] = _used_once(edges[kept])
+    tails = weld_rows(mesh.positions)[mesh.faces]
+    heads = np.roll(tails, -1, axis=1)
+    # Few edges lie between two vertices of borders: all that could be equal to one of those.
+    at_border = np.zeros(mesh.n_vertices, dtype=bool)
+    at_border[tails[cut]] = at_border[heads[cut]] = True
+    near = np.nonzero(at_border[tails] & at_border[heads] & kept[:, np.newaxis])
+    ends = np.stack([tails[near], heads[near]], axis=1)
+    ends.sort(axis=1)
+    cut[near] &= ~_used_once(unique_rows(ends)[1].astype(np.int64))
     return cut
 
 
 def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
     """Total length of the seams of `faces` (F,), or all, in model units, each counted once."""
-    rows, starts = np.nonzero(seam_edges(mesh, faces))
+    return _length(mesh, seam_edges(mesh, faces))
+
+
+def _length(mesh: Mesh, seams: BoolArray) -> float:
+    rows, starts = np.nonzero(seams)
     tails = mesh.positions[mesh.faces[rows, starts]]
     heads = mesh.positions[mesh.faces[rows, (starts + 1) % 3]]
     return float(pm.norm(heads - tails, axis=1).sum()) / 2.0
@@ -75,6 +97,10 @@ def _texture_corners(mesh: Mesh) -> IntArray:
     assert mesh.uvs is not None
     places = weld_rows(mesh.positions)[mesh.faces]
     uvs = weld_rows(mesh.uvs)[mesh.uv_faces]
+    place_of = np.empty(len(mesh.uvs), dtype=np.int32)
+    place_of[uvs] = places
+    if np.array_equal(place_of[uvs], places):  # as in an atlas
+        return uvs
     return weld_rows(np.stack([places, uvs], axis=2).reshape(-1, 2)).reshape(-1, 3)
 
 

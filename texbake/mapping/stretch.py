@@ -77,8 +77,8 @@ def face_stretch(mesh: Mesh, size: int | tuple[int, int] = 1024) -> FaceStretch:
     corners = mesh.positions[mesh.faces]
     texels = measurable_uvs(mesh) * np.array([size, size] if isinstance(size, int) else size, float)
     areas, texel_areas = surface_areas(corners), signed_areas(texels)
-    solid = areas > AREA_ROUNDING * _longest_squares(corners)
-    flat = np.abs(texel_areas) > AREA_ROUNDING * _longest_squares(texels)
+    solid = areas > AREA_ROUNDING * longest_squares(corners)
+    flat = np.abs(texel_areas) > AREA_ROUNDING * longest_squares(texels)
     faces = np.flatnonzero(solid & flat)
     if len(faces) == 0:
         why = "look for the cause with: texbake info"
@@ -133,10 +133,13 @@ def stretch_by_group(
     ]
 
 
-def _longest_squares(corners: FloatArray) -> FloatArray:
+def longest_squares(corners: FloatArray) -> FloatArray:
     """(F,) float64: squared length of the longest edge of each triangle, in 2 or 3 dimensions."""
-    edges = corners - np.roll(corners, 1, axis=1)
-    return np.asarray((edges**2).sum(axis=2).max(axis=1))
+    squares = np.zeros(len(corners))
+    for corner in range(3):
+        edges = corners[:, corner] - corners[:, corner - 1]
+        np.maximum(squares, sum(side * side for side in edges.T), out=squares)
+    return squares
 
 
 def _singular_values(

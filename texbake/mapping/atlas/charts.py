@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -32,9 +33,18 @@ class ChartSurface:
     seams: BoolArray | None = None  # (F, 3); edges at which charts are cut, and nowhere else
     threads: int | None = None
 
+    @cached_property
+    def joints(self) -> tuple[IntArray, npt.NDArray[np.bool_], IntArray]:
+        """Corners (F, 3) int32, equal at one place; (F,) faces of three; `opposite` of those."""
+        corners = weld_rows(self.points, threads=self.threads)[self.faces]
+        solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+        return corners, solid, self._opposite(corners, solid)
+
     def opposite(self, solid: npt.NDArray[np.bool_]) -> IntArray:
         """(3 F,) int32: `opposite_half_edges` of the `solid` faces."""
-        corners = weld_rows(self.points, threads=self.threads)[self.faces]
+        return self._opposite(weld_rows(self.points, threads=self.threads)[self.faces], solid)
+
+    def _opposite(self, corners: IntArray, solid: npt.NDArray[np.bool_]) -> IntArray:
         opposite = opposite_half_edges(
             corners, solid=solid, regions=self.regions, polygons=self.polygons
         )
@@ -146,9 +156,8 @@ _MANY = 1000
 def find_isolated_faces(surface: ChartSurface) -> tuple[IntArray, IntArray]:
     """Faces (n,) with area that no other continues, if there are many, and all others (m,)."""
     points, faces = surface.points, surface.faces
-    corners = weld_rows(points, threads=surface.threads)[faces]
-    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    continued = (surface.opposite(solid).reshape(-1, 3) >= 0).any(axis=1)
+    _, solid, opposite = surface.joints
+    continued = (opposite.reshape(-1, 3) >= 0).any(axis=1)
     isolated = np.flatnonzero(solid & ~continued).astype(np.int32)
     isolated = isolated[surface_areas(points[faces[isolated]]) > 0.0]
     if len(isolated) <= _MANY:

@@ -26,10 +26,10 @@ from texbake.mapping.atlas.cutting.parts import (
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
 from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.stretch import longest_squares
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
-from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
 # Small pieces are cut together, about this many faces at a time.
@@ -103,9 +103,7 @@ def cut_charts(
     if degenerate_faces(mesh).all():
         raise UnwrapError(_why_nothing(mesh))
     points, threads = surface.points, surface.threads
-    corners = weld_rows(points, threads=threads)[mesh.faces]
-    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    opposite = surface.opposite(solid)
+    corners, solid, opposite = surface.joints
     notes: tuple[str, ...] = ()
     if method == "xatlas":
         require_library("xatlas", "method")
@@ -119,7 +117,7 @@ def cut_charts(
         sizes = _QUALITIES[quality] if surface.seams is None else _AS_MARKED
         area = float(surface_areas(points[corners[solid]]).sum())
         if surface.seams is None:
-            opposite = _around_strips(points[corners], opposite, STRIP_SIDES * math.sqrt(area))
+            opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
         labels = _labels(points, corners, opposite, mesh.polygon_of, sizes)
         pieces, left = disk_charts(
             points,
@@ -145,10 +143,13 @@ def cut_charts(
     return gather_charts(mesh.faces, pieces, notes)
 
 
-def _around_strips(corners: FloatArray, opposite: IntArray, strip_length: float) -> IntArray:
+def _around_strips(
+    points: FloatArray, corners: IntArray, opposite: IntArray, strip_length: float
+) -> IntArray:
     """(3 F,) int32: `opposite`, cut where long faces meet others of less than half their length."""
-    edges = corners - np.roll(corners, 1, axis=1)
-    lengths = np.sqrt((edges**2).sum(axis=2).max(axis=1))
+    if float(np.sum(np.ptp(points, axis=0) ** 2)) <= strip_length**2:  # no edge is longer
+        return opposite
+    lengths = np.sqrt(longest_squares(points[corners]))
     if not (lengths > strip_length).any():
         return opposite
     own, other = np.repeat(lengths, 3), lengths[opposite // 3]

@@ -77,7 +77,7 @@ def repair_charts(
     if not keep.any():
         return None
     solid, corners, flat, lost = solid[keep], corners[keep], flat[keep], lost[keep]
-    n_charts = len(np.unique(ids[flat[:, 0]]))
+    n_charts = int(np.count_nonzero(np.bincount(ids[flat[:, 0]])))
     flat, laid, ids = _taken_apart(corners, flat, laid, ids, lost)
     kept, ids, flat = _renumbered(flat, ids)
     all_faces = np.zeros((n_faces, 3), dtype=np.int32)
@@ -96,9 +96,11 @@ def _renumbered(
     faces: npt.NDArray[np.int64], chart_ids: npt.NDArray[np.integer[Any]]
 ) -> tuple[npt.NDArray[np.int64], IntArray, npt.NDArray[np.int64]]:
     """Coordinates that faces use, their charts numbered without gaps, and the faces renumbered."""
-    kept, new_faces = np.unique(faces, return_inverse=True)
+    is_kept = np.zeros(len(chart_ids), dtype=np.bool_)
+    is_kept[faces] = True
+    kept = np.flatnonzero(is_kept)
     _, ids = np.unique(chart_ids[kept], return_inverse=True)
-    return kept, ids.astype(np.int32), new_faces.reshape(-1, 3)
+    return kept, ids.astype(np.int32), (np.cumsum(is_kept) - 1)[faces]
 
 
 def _widths(corners: FloatArray) -> FloatArray:

@@ -56,7 +56,7 @@ class Bins:
         turns = np.arange(n_poses) * (math.pi / 2.0 / n_poses)
         self.angles = np.repeat(turns[None], charts.n_charts, axis=0)
         self.poses = charts.turned(self.angles)
-        self.areas = charts.areas()
+        self.areas = charts.areas
         # Half the perimeter, by which xatlas sorts too.
         self.sizes = self.poses.extents[:, 0].sum(axis=1)
         self.lengths = self.poses.lengths()

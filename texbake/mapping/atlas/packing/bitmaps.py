@@ -180,6 +180,7 @@ class Outlines:
     chart_ids: IntArray
     n_charts: int
 
+    @cached_property
     def areas(self) -> FloatArray:
         """(C,) float64: area of each chart."""
         charts = self.chart_ids[self.faces[:, 0]]

@@ -25,8 +25,7 @@ from texbake.mapping.atlas.packing.refine import FinalLayout, RoughLayout, refin
 from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
 from texbake.mapping.atlas.packing.strips import with_wide_strips
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mapping.seams import BoolArray
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 

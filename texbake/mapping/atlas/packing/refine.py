@@ -112,7 +112,7 @@ def refine_layout(
     charts: Outlines, layout: RoughLayout, grid: PackingGrid, *, most_work: int, seed: int
 ) -> FinalLayout | None:
     """Move charts to exact places near a layout, at the largest scale; None if none works."""
-    areas = charts.areas()
+    areas = charts.areas
     best: FinalLayout | None = None
     best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
     scale = layout.scale / grid.cell

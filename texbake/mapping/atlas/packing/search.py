@@ -62,7 +62,7 @@ def coarse_layout(
     # the border, so that the grid is enlarged as well.
     width, height = (max(int((length + 1) / cell), 1) for length in size)
     poses = charts.turned(np.repeat(_ANGLES[None], charts.n_charts, axis=0))
-    areas = charts.areas()
+    areas = charts.areas
     strip = _Strip(poses, areas, (width, height), (padding + 0.5) / cell - 0.5, seed)
     first_scale = math.sqrt(_FIRST_FILL * width * height / areas.sum())
     found = _searched_order(strip, most_work, first_scale)

@@ -16,8 +16,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.packing.bitmaps import Outlines
-from texbake.mapping.seams import BoolArray
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import BoolArray, FloatArray
 
 _STRIP = 30.0  # lengths of a strip per mean width, at least
 _TOO_NARROW = 0.5  # mean width, in texels, below which a strip owns hardly any
@@ -38,7 +37,7 @@ def with_wide_strips(
     `charts`: in the poses of their least bounding boxes; `n_tiles`: textures of this `size`.
     Returns charts, and (C,) bool: those with a new shape.
     """
-    areas, lengths = charts.areas(), np.maximum(_boxes(charts).max(axis=1), _TINY)
+    areas, lengths = charts.areas, np.maximum(_boxes(charts).max(axis=1), _TINY)
     widths = areas / lengths
     strips = (areas > 0.0) & (lengths > _STRIP * widths)
     unchanged, lost = np.zeros(charts.n_charts, dtype=np.bool_), _LOST * float(areas.sum())
