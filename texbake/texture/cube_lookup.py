@@ -8,16 +8,12 @@ right of it and +y is up. With u from 0 at the left edge to 1 and v from 0 at th
 as seen from inside by a camera that looks along -z.
 
 Each texel of a converted image is the mean of the area that it covers, weighted by solid angle.
-Lookups are spread over that area, at most half a texel of the source apart; at this spacing, the
-linearly interpolated source hardly aliases. Toward the poles of a latitude-longitude image, more
-and more texels cover less and less of the sphere. There, each row is first averaged over the texels
-that lie between two lookups.
+Lookups are spread over that area, at most half a texel of the source apart. Toward the poles of a
+latitude-longitude image, more and more texels cover less and less of the sphere. There, each row is
+first averaged over the texels that lie between two lookups.
 
-Based on: the OpenGL 4.6 specification, sections 8.13 and 8.14; Heckbert, "Fundamentals of Texture
-Mapping and Image Warping", 1989, for prefilter, reconstruction and resampling; Debevec, "Rendering
-Synthetic Objects into Real Scenes", 1998, for panoramas as light sources. Departs from the
-specification for directions that are zero or not finite: they belong to no face and give 0 in every
-channel. Kernel: `core/cube_maps.c`.
+Directions that are zero or not finite belong to no face and give 0 in every channel. Kernel, which
+names the sources: `core/cube_maps.c`.
 """
 
 from __future__ import annotations

@@ -3,10 +3,7 @@
 Padding is a dilation: a texel outside all charts takes the value of the nearest texel that a chart
 owns, up to a given number of texels away. All maps of a bake share one search for the nearest
 owners. Push-pull can fill the rest of the image smoothly, so that no mip level shows the
-background.
-
-Based on: Gortler et al., "The Lumigraph", 1996, section 4.3, for push-pull. Departs from it in that
-weights are 0 or 1 in every level. Kernel: `core/padding.c`.
+background. Kernel, which names the sources: `core/padding.c`.
 """
 
 from __future__ import annotations

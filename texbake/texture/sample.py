@@ -1,18 +1,7 @@
-"""Sample images at texture coordinates with any filter.
+"""Sample images at texture coordinates with any filter; docs/explanation/textures.md lists them.
 
 `trilinear`, `ewa` and `supersampled` need the derivatives of the coordinates, which give the area
 of the image that a pixel covers.
-
-============  =============================================
-filter        reads
-============  =============================================
-nearest       one texel of the finest level
-bilinear      four texels of the finest level
-bicubic       sixteen texels of the finest level
-trilinear     four texels of each of two levels
-ewa           texels of two levels, within an ellipse
-supersampled  256 bilinear lookups in the finest level
-============  =============================================
 
 Based on: the OpenGL 4.6 specification, section 8.14, for nearest lookup and the level of detail;
 Korobov, "The Approximate Computation of Multiple Integrals", 1959, for the lattice of supersamples.

@@ -1,42 +1,10 @@
 """Noise: gradient and value noise, sums over octaves, and cells about scattered points.
 
-Everything random comes from the hash of integer lattice points. phi is a permutation of 0 to 255,
-and the hash of the lattice point (i, j, k) is phi(i + phi(j + phi(k))) modulo 256, so that a
-pattern repeats after 256 cells. The permutation comes from a generator of 64-bit integers defined
-here, so that a seed means the same forever.
-
-Gradient noise is 0 at every lattice point, with a random slope there, and smooth in between. At the
-point p it is the sum over the eight corners (i, j, k) of its cell of
-
-    w(u) w(v) w(t) (G(phi(i + phi(j + phi(k)))) . (u, v, t)),   (u, v, t) = p - (i, j, k)
-
-with the weight w(t) = 2|t|^3 - 3|t|^2 + 1 and unit gradients G even over the sphere (cubic, C1), or
-w(t) = 1 - |t|^3 (6|t|^2 - 15|t| + 10) and gradients toward the edges of a cube (quintic, C2).
-
-Fractal sum and turbulence add octaves of ever finer noise:
-
-    fractal(p) = sum of g^i noise(l^i p + i c),   turbulence(p) = sum of g^i |noise(l^i p)|
-
-over i = 0 ... octaves - 1, with lacunarity l = 2 and gain g = 1/2 by default. At the origin all
-octaves of noise(l^i p) have the same slope, which adds up to a streak; c moves them apart by whole
-cells. Sums of |noise| show no streak and are left as they were defined. An octave that is too fine
-for the pixel fades to its mean, 0 or the mean of |noise|.
-
-Value noise has a random number from 0 to 1 at every lattice point. A point shows that of the corner
-of its cell with the lowest coordinates (`none`: squares with jumps between them), or the eight
-corners interpolated along x, y and z in turn by t (`linear`, continuous with creases), by
-3t^2 - 2t^3 (`cubic`, C1) or by 6t^5 - 15t^4 + 10t^3 (`quintic`, C2).
-
-Worley's cells: each cell of the lattice holds one point, anywhere in it (`jitter` 1) or in its
-middle (0). F1 is the distance to the nearest of all points, F2 to the second nearest; F2 - F1 is 0
-on the borders between their regions. Cells are searched in rings until no cell further out can hold
-a nearer point, so that both are exact.
-
-Based on: Perlin, "An Image Synthesizer", 1985; Perlin, "Improving Noise", 2002; Steele, Lea and
-Flood, "Fast Splittable Pseudorandom Number Generators", 2014 (SplitMix64); Apodaca and Gritz,
-"Advanced RenderMan", 2000, for the fading; Worley, "A Cellular Texture Basis Function", 1996.
-Departs from Perlin's of 2002 in the order of the hash, which is that of 1985 for both, and from
-Worley's in having one point per cell, which leaves no large gaps. Kernel: `core/noise.c`.
+docs/reference/procedures.md has the formulas and their sources. Everything random comes from the
+hash of integer lattice points, phi(i + phi(j + phi(k))) modulo 256, with a permutation phi of 0 to
+255 from a generator of 64-bit integers defined here, so that a seed means the same forever. Cells
+of Worley are searched in rings until none further out can hold a nearer point, so that both
+distances are exact. Kernel: `core/noise.c`.
 """
 
 from __future__ import annotations

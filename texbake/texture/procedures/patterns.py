@@ -1,40 +1,15 @@
 """Checkers, stripes, solid stone and wood, and legends, as functions of a point.
 
-Checker: the cell that holds (1/2, 1/2, 1/2) is 1, and cells alternate with 0. With s = ±1 by turns
-along each axis the checker is 1/2 + 1/2 s(x) s(y) s(z), and its mean over a box is that with the
-means of s over the box's sides, which is exact. Stripes have the period 1 across a direction.
+docs/reference/procedures.md has the formulas. A checker is 1/2 + 1/2 s(x) s(y) s(z) with s = ±1 by
+turns along each axis, and its mean over a box is that with the means of s over the box's sides. In
+marble, octaves of the turbulence that fade inside the sine shift its phase at random, and the mean
+of sin(phase + d) over a normally distributed d of variance s^2 is exp(-s^2 / 2) sin(phase). Granite
+takes a nearly normally distributed sum of variance v to an even distribution over 0 to 1 by the
+logistic curve 1 / (1 + exp(-1.702 s / sqrt(v))); where octaves fade, their variance is added to v.
 
-Marble, layers of stone bent by turbulence: the value is
-1/2 + 1/2 sin(k1 x + a turbulence(k2 p)), with x the distance along a direction. Veins are where it
-is 0. In a wide pixel the layers fade with the mean of a sine over the pixel; octaves of the
-turbulence that fade inside the sine shift its phase at random, and the mean of sin(phase + d) over
-a normally distributed d of variance s^2 is exp(-s^2 / 2) sin(phase).
-
-Wood, the uneven rings of a trunk with fibers along it: with r the distance from the axis through
-the origin, the phase is n r + b noise(q), for n rings per unit. Over each ring the value goes
-slowly from light to dark and quickly back (a `RAMP` of width 0.8), averaged over the pixel; fibers
-are noise stretched along the axis and mixed in.
-
-Granite, grains of a few minerals from a rough fractal sum: the sum s, nearly normally distributed
-with a known variance v, is taken to an even distribution over 0 to 1 by the logistic curve
-1 / (1 + exp(-1.702 s / sqrt(v))), so that each stop of a ramp covers as much of the stone as any
-other. Where octaves fade, the mean of the curve over what is missing is the same curve with their
-variance added to v.
-
-A pattern of colors finer than a pixel shows the mean of its colors, which is not the color of its
-mean value.
-
-A legend says how far a point lies between two marks, along a direction or from a center. The value
-is 0 at `start`, 1 at `end` and linear between them; `wrap` says what comes beyond. In a wide pixel
-it is the mean over the pixel, from the antiderivative of the wrapped value, which is exact for a
-gradient.
-
-Based on: Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise); Ebert et al.,
-"Texturing and Modeling: A Procedural Approach", 3rd edition, 2003 (rings and grain); Upstill, "The
-RenderMan Companion", 1990 (granite from octaves of noise); Haley, "Estimation of the Dosage
-Mortality Relationship When the Dose Is Subject to Error", 1952 (1.702). Departs from Perlin in the
-factor a before the turbulence, without which (a = 1) veins are hardly bent. Kernel:
-`core/patterns.c`.
+A legend is 0 at `start`, 1 at `end` and linear between them; `wrap` says what comes beyond. In a
+wide pixel it is the mean over the pixel, from the antiderivative of the wrapped value, which is
+exact for a gradient. Kernel, which names the sources: `core/patterns.c`.
 """
 
 from __future__ import annotations
