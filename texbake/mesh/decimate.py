@@ -2,12 +2,8 @@
 
 Where corners at one position differ in texture coordinates, hard normals or group, the stream has a
 vertex for each; the kernels take the edges between several vertices at one position for a seam and
-keep it. Vertices of two objects never share a position, however close they are.
-
-Kernel: `core/quadric_simplification.c`.
-
-Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
-SIGGRAPH 1997.
+keep it. Vertices of two objects never share a position, however close they are. Kernel, which names
+the sources: `core/quadric_simplification.c`.
 """
 
 from __future__ import annotations

@@ -2,16 +2,8 @@
 
 A vertex normal is the sum of the unit normals of its faces, each weighted by the angle that the
 face has at the vertex, so that it does not depend on the triangulation. Everything here is relative
-to the size of what is measured: scaling a mesh by a power of two gives the same bits.
-
-Based on:
-    Thürmer, Wüthrich, "Computing Vertex Normals from Polygonal Facets", Journal of Graphics Tools
-        3(1), 1998;
-    Rusinkiewicz, "Estimating Curvatures and Their Derivatives on Triangle Meshes", 2004, which
-        takes the curvature of a face from the differences between the normals of its vertices;
-        here only its trace is computed, which has a closed form.
-
-Kernel: `core/vertex_normals.c`.
+to the size of what is measured: scaling a mesh by a power of two gives the same bits. Kernel, which
+names the sources: `core/vertex_normals.c`.
 """
 
 from __future__ import annotations

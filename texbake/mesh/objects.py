@@ -1,12 +1,8 @@
 """The objects of a mesh: models that a file keeps apart, such as two crates that touch.
 
 The groups of a mesh are objects, parts of objects, or neither, which only the reader of its file
-can tell; `Mesh.group_objects` says so. An object of two materials has two groups. Two objects count
-as one if they share a vertex, or if the surface of one continues in the other: both end at a common
-edge, as the head and the torso of a figure do.
-
-Vertices at one place belong together if they are of one object. So objects that touch have normals,
-ray directions and ray distances of their own.
+can tell; `Mesh.group_objects` says so. docs/reference/formats.md says which objects count as one.
+Vertices at one place belong together if they are of one object.
 """
 
 from __future__ import annotations

@@ -1,12 +1,7 @@
 """Triangles of polygons, and the polygons of a mesh of triangles.
 
-The triangles of a polygon depend on its shape alone, not on the corner that the file begins with. A
-quadrilateral is cut along its shorter diagonal, or along the only one that lies inside; where both
-are equally long but for rounding, along that of the vertex with the least number. Polygons of more
-corners lose one ear after the other, those with short diagonals first. All decisions on sides are
-exact, in the plane of the two axes that are farthest from the polygon's normal.
-
-Kernel: `core/ear_clipping.c`.
+docs/reference/formats.md says how polygons are cut. All decisions on sides are exact, in the plane
+of the two axes that are farthest from the polygon's normal. Kernel: `core/ear_clipping.c`.
 """
 
 from __future__ import annotations

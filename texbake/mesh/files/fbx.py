@@ -1,23 +1,10 @@
-"""Reading FBX, binary and text, versions 6 and 7. Files of earlier versions are an error.
-
-All geometry of the file is joined into one mesh in world space; a geometry that two models show is
-in it twice. Differences between files are removed, as the reader of USD does:
-
-- The axes of the file are turned to Y up, with Z to the front.
-- Lengths become meters; a unit is a centimeter where the file does not say.
+"""Reading FBX, binary and text, versions 6 and 7; docs/reference/formats.md says what is read.
 
 Each model is a group with its name; if it has several materials, each of them is a group named
-``model/material``. For polygons see `texbake.mesh.polygons`. A subdivision surface is read as its
-control mesh, and a mesh with bones or shapes in the pose it is stored in, without animation. Hidden
-models are left out, unless all meshes are hidden, and so are NURBS, curves, lights and cameras. A
-warning names omissions that change the surface.
-
-Polygons of fewer than three corners, and those with a corner that is no vertex, are left out, and
-so are those that are marked as holes. Layers hold values for corners, vertices, polygons or the
-whole, listed or by index; corners whose index is -1 get zeros. Of the colors at a vertex the first
-counts. Of several sets of texture coordinates the first is that of the mesh; sets that textures
-name are read besides, in rows that all sets share. Where there are no normals, smoothing makes
-some.
+``model/material``. Polygons of fewer than three corners, those with a corner that is no vertex, and
+holes are left out. Layers hold values for corners, vertices, polygons or the whole, listed or by
+index; corners whose index is -1 get zeros. Of the colors at a vertex the first counts. Sets of
+texture coordinates that textures name are read in rows that all sets share.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; A. Gessler and C. Kerl, "FBX binary file
 format specification", Blender developers' blog, 2013.

@@ -1,18 +1,9 @@
 """Materials of FBX files: base color, opacity, and the images of their channels.
 
-An image that is missing is noted, and the material keeps its factor. Of layered textures only the
-base layer is read, which is noted as well.
-
-An image of opacity is its alpha channel where it has one, else its red, white where the surface is
-opaque, as in other programs that read FBX. Textures name the set of texture coordinates that they
-lie on; one whose name a geometry does not have lies on the first.
-
-Paths of images are mostly those of the machine that wrote them. An image is looked for by its
-relative path, where that stays within the folder of the file, then by its name in that folder.
-
-A texture multiplies texture coordinates by `Scaling`, turns them by `Rotation`, each about a pivot
-of its own, and adds `Translation`. Unity and three.js scale and add in this way too. Blender's own
-files have another meaning, which its importer shares: `Translation` is subtracted first, the
+docs/reference/formats.md says how they are read. A texture whose set of texture coordinates a
+geometry does not have lies on the first. Paths of images are mostly those of the machine that wrote
+them: an image is looked for by its relative path, where that stays within the folder of the file,
+then by its name in that folder. In Blender's own files `Translation` is subtracted first, the
 rotation is in radians, and the scale comes last.
 """
 

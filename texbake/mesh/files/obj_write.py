@@ -1,9 +1,7 @@
 """Writing Wavefront OBJ, which `texbake.mesh.files.obj` reads, and a file of UV sets beside it.
 
-The format has one set of texture coordinates. The others of `rock.obj` are in `rock.uvs.npz`, a
-NumPy archive of plain arrays: `names`, and for the set of number i `uvs_i` (T, 2) float64 and
-`faces_i` (F, 3) int32. `of_faces` is a checksum of the faces that they belong to. Other programs
-leave the file as it is, so that it no longer fits once one of them has changed the faces.
+docs/reference/formats.md describes that archive. `of_faces` in it is a checksum of the faces that
+its sets belong to, so that it no longer fits once another program has changed them.
 """
 
 from __future__ import annotations

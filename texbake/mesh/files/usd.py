@@ -1,16 +1,8 @@
-"""Reading USD: .usd, .usda, .usdc and .usdz.
+"""Reading USD: .usd, .usda, .usdc and .usdz; docs/reference/formats.md says what is read.
 
-All meshes of the stage are joined into one, in world space, at the stage's first time. Differences
-between stages are removed:
-
-- A stage that is Z up is turned to Y up, as glTF is: (x, y, z) becomes (x, z, -y).
-- Lengths become meters where the stage says how many a unit has; else they stay as they are.
-- Left-handed meshes list their corners the other way round.
-
-For polygons see `texbake.mesh.polygons`; a subdivision surface is read as its control mesh. Each
-mesh is a group of its name, and where it has subsets of faces, each of those; in a stage of several
-meshes subsets are named ``mesh/subset``. Prims that are invisible, inactive, or there for guides or
-as proxies are left out, and so are point instancers, curves and points.
+Z up becomes Y up as in glTF: (x, y, z) becomes (x, z, -y). Each mesh is a group of its name, and
+where it has subsets of faces, each of those; in a stage of several meshes subsets are named
+``mesh/subset``. Prims that are inactive, or there for guides or as proxies, are left out.
 
 Based on: Pixar, "Universal Scene Description", UsdGeom, release 26.
 """

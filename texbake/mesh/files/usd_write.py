@@ -1,11 +1,8 @@
 """Writing USD: a mesh per object, with groups as subsets, and a UsdPreviewSurface with textures.
 
-A .usdz file contains the textures; .usda, .usdc and .usd files refer to them by a path relative to
-their own folder. The stage is Y up, in meters.
-
-Positions are float32, which is what the format's points are; a mesh that is far from the origin for
-its size is moved there by its transform. Names that are no identifiers of USD are kept as display
-names. Objects that share a vertex are one mesh.
+docs/reference/formats.md says what is written. The format's points are float32, so a mesh that is
+far from the origin for its size is moved there by its transform. Names that are no identifiers of
+USD are kept as display names.
 
 Based on: Pixar, "Universal Scene Description", UsdGeom and "UsdPreviewSurface Specification",
 version 2.6; "Usdz File Format Specification", version 1.3.
