@@ -10,11 +10,9 @@ one scale and with square texels:
     | -x | | -y | | -z |
     +----+ +----+ +----+
 
-The obvious choice of a side is the one nearest to the face's normal. On noise, and on surfaces
-halfway between two sides, that leaves ragged borders and isolated faces. So the choice is made from
-normals averaged over the neighborhood, and small regions are joined to a side next to them, as long
-as no face is squashed too much. The triangles of a polygon have one side, if there is one for all.
-Sides are numbered: 0 and 1 for +x and -x, 2 and 3 for +y and -y, 4 and 5 for +z and -z.
+The nearest side to each normal would leave ragged borders and isolated faces on noise. So the
+choice is made from normals averaged over the neighborhood, and small regions are joined to a side
+next to them, as long as no face is squashed too much. Sides 0 to 5 are +x, -x, +y, -y, +z and -z.
 
 Based on: Bier, Sloan, "Two-part texture mappings", 1986 (the box, by the object's normal). It
 departs in choosing the side by face, not by point, so that no face is torn.

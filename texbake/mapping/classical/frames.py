@@ -1,17 +1,11 @@
 """The frame of a mapping: its axis and center, vertices seen from there, angles about the axis.
 
 A frame is three perpendicular unit vectors, right-handed, as rows: e1, the direction of angle 0;
-e2, the direction of a quarter turn; and the axis. About `y` they are (z, x, y), so that angle 0 is
-the front of a model that stands upright; about `z` they are (x, y, z), about `x` (y, z, x).
-
-Points are moved to the center in float64 and scaled by a power of two, so that the size and
-position of a model change no more than the last bits of the result.
-
-Angles become texture coordinates without smearing a face across the seam. Where the angle jumps by
-a full turn, a face with corners on both sides would run backwards through the whole texture. So the
-angle of each face is that of its centroid, and each corner takes the turn nearest to it: a face
-across the seam extends a little below 0 or above 1. The angle of a point is computed once and moved
-by whole turns, so that faces on the same turn agree to the last bit.
+e2, the direction of a quarter turn; and the axis. docs/explanation/mappings.md has the frames of
+the axes, and says how a face runs across the seam. Points are moved to the center in float64 and
+scaled by a power of two, so that the size and position of a model change no more than the last bits
+of the result. The angle of a point is computed once and moved by whole turns, so that faces on the
+same turn agree to the last bit.
 
 Based on: the rotation that takes one unit vector to another without twist, after O. Rodrigues,
 1840; Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9), 1986

@@ -1,17 +1,10 @@
 """The intermediate surfaces of a two-part mapping: where rays hit them, and their own (s, t).
 
 Each encloses the mesh, about its center and axis, and is as large as the mesh requires. Points and
-rays are given in its frame, as in `LocalPoints`.
-
-In Bier and Sloan's paper the plane and the cylinder are infinite. Here they extend beyond the mesh
-by four times its size on every side: a texture repeated that far out is compressed eighty times,
-and a ray that almost misses would give unbounded coordinates. A point whose ray hits the surface
-nowhere, or too far away, goes to the nearest point of the surface instead, and so do the other
-corners of its faces, so that no face is torn.
-
-The box is centered and upright along the axis. Each side has its own cell of the texture, so that a
-face cannot lie on two of them: a face whose corners do goes to the side that the ray of its
-centroid hits.
+rays are given in its frame, as in `LocalPoints`. Plane and cylinder, infinite in Bier and Sloan's
+paper, extend beyond the mesh by four times its size: a texture repeated that far out is compressed
+eighty times, and a ray that almost misses would give unbounded coordinates. Each side of the box
+has its own cell of the texture, so that a face cannot lie on two of them.
 
 Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
 1986 (the S mappings), which does not say how to treat a face across an edge of the box.

@@ -1,14 +1,10 @@
 """Projector mapping: an image cast onto the mesh as by a slide projector.
 
 A 4 x 4 matrix M gives (s, t, r, q) = M P, and the texture coordinates are s / q and t / q. With
-q = 1 everywhere the rays are parallel. Only what the projector sees should carry the image, so
-faces that look away from it, are hidden by others or lie behind it are singled out.
-
-The convention of the camera is that of previews (`texbake.rendering.camera`), so that an image of a
-preview lands where it was taken: +y is up; the projector looks at the center of the bounding box;
-azimuth 0 looks at the front, from +z, and grows counter-clockwise seen from above; the default
-distance is 1.03 R / sin(fov / 2), which fits the sphere of radius R about that center into the
-image. The image is square and fills the unit square.
+q = 1 everywhere the rays are parallel. docs/explanation/mappings.md says what becomes of faces that
+the projector does not see. The camera is that of previews (`texbake.rendering.camera`), so that an
+image of a preview lands where it was taken: the default distance, 1.03 R / sin(fov / 2), fits the
+sphere of radius R about the center of the bounding box into the image, which fills the unit square.
 
 Based on: Segal, Korobkin, van Widenfelt, Foran, Haeberli, "Fast shadows and lighting effects using
 texture mapping", SIGGRAPH 1992 (projective textures). It departs in deciding what is in shadow by

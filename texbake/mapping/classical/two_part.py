@@ -1,18 +1,10 @@
 """Two-part mapping: the texture goes onto a simple surface, and from there onto the object.
 
-    S mapping                     the (s, t) of a point of the intermediate surface: `intermediate`
-    O mapping, in reverse         which point of that surface belongs to a point x of the object:
-
-        surface-normal            the point where the surface's own normal passes through x
-        object-normal             where x + k n leaves the surface, n the smooth normal at x
-        centroid                  where the ray from the center through x leaves the surface
-        reflection                where the ray that x reflects to the eye comes from:
-                                  x + k (2 (n . v) n - v), v from x to the eye
-
-The surface encloses the mesh, about `center` and `axis`: a plane on the side that the axis points
-to; a cylinder or a sphere through the points farthest from the axis or the center; or a box
-centered on the center. Four surfaces and four O mappings give sixteen pairs, two of which are the
-same: a sphere by its own normals and a sphere by the centroid.
+docs/explanation/mappings.md says which point of which surface belongs to a point x of the object.
+With `reflection` it is where the ray x + k (2 (n . v) n - v) leaves it, v from x to the eye. The
+surface encloses the mesh, about `center` and `axis`: a plane on the side that the axis points to, a
+cylinder or a sphere through the points farthest from the axis or the center, or a box centered on
+the center. A sphere by its own normals and a sphere by the centroid are the same.
 
 Based on: Bier, Sloan, "Two-part texture mappings", IEEE Computer Graphics and Applications 6(9),
 1986. It departs in that rays start at the object and only go outward.
