@@ -1,9 +1,6 @@
 """How close a picture of one mesh comes to that of another: angles, PSNR, SSIM, outlines, depths.
 
-Based on: Wang, Bovik, Sheikh, Simoncelli, "Image quality assessment: from error visibility to
-structural similarity", IEEE TIP 13(4), 2004, for SSIM.
-
-Kernel: `core/picture_closeness.c`.
+Kernel, which names the source of SSIM: `core/picture_closeness.c`.
 """
 
 from __future__ import annotations

@@ -1,11 +1,8 @@
 """Resolving samples: averaging the samples of each pixel over the background, into a frame.
 
-A picture in texbake's built-in light is then exposed, so that white surfaces do not clip. Lamps
-that show a gray mesh well are too bright for a white one. If more than a quarter of the surface is
-brighter than white, the picture is darkened until only a quarter is. It is never brightened, so
-that black stays black. Then highlights above 0.8 are compressed toward 1; darker light is
-unchanged. Both steps come after shading, in linear light; the background is unchanged. Adaptive
-samples estimate the error of light up to white, and exposure does not increase it.
+docs/explanation/rendering.md says how a picture in texbake's built-in light is exposed. That comes
+after shading, in linear light, and leaves the background. Adaptive samples estimate the error of
+light up to white, and exposure does not increase it.
 
 Based on: Khronos Group, "Khronos PBR Neutral Tone Mapper", 2024, without its offset.
 

@@ -1,9 +1,7 @@
 """The simplest scene that looks the same: parts that change no pixel are removed before the plan.
 
-Their own values say so: a strength of 0, a black color. So do the bounding boxes of objects for
-spot lights and projected pictures that are aimed at nothing. Nothing is read or computed for what
-is removed. What only the texels of an image would tell, such as a height map of one height, is not
-known here.
+Their own values say so, or the bounding boxes of objects for spot lights and projected pictures
+that are aimed at nothing. What only the texels of an image would tell is not known here.
 """
 
 from __future__ import annotations

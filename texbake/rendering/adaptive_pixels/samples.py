@@ -1,18 +1,12 @@
 """Refining a picture adaptively until its estimated error is below a bound.
 
-First pixels are shaded in more and more cells, until further refinement changes them by no more
-than the bound allows. Then they get more and more samples, until their edges are accurate enough.
-Each step is completed for all pixels before the next pixels are selected, so the picture does not
-depend on the number of threads.
+docs/explanation/sampling.md describes the steps, of the shading and then of the edges, and the
+rounds of a time budget. Each step is completed for all pixels before the next pixels are selected,
+so the picture does not depend on the number of threads.
 
 Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
 23(6), 1980, for more samples where neighboring ones disagree. Here samples and shadings are refined
 separately, because edges need the former and highlights the latter.
-
-With a time budget the picture is refined in rounds, each to a closer bound. Each round begins with
-the first samples of all pixels, as a picture of its bound alone does, and takes over all samples of
-the rounds before. What follows them, the check of the errors and writing the picture, is timed on a
-few pixels and on the picture that the first samples give.
 """
 
 from __future__ import annotations
