@@ -2,12 +2,7 @@
 
 Texture coordinates are snapped to a fixed-point grid, and coverage is decided with 64-bit integer
 edge functions and the top-left rule. So two faces that share an edge own each sample on it exactly
-once, whatever the size of the texture or the number of threads.
-
-Every bake walks over its texels with `owned_bands`: a few rows of texels at a time, with the
-samples that the mesh owns in them.
-
-Kernel: `core/pineda.c`.
+once, whatever the size of the texture or the number of threads. Kernel: `core/pineda.c`.
 """
 
 from __future__ import annotations

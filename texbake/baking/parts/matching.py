@@ -1,11 +1,7 @@
 """Matching high-poly to low-poly parts by name, and the other options of a bake of many parts.
 
-`body_low` is baked from `body_high`, `body_high_01` and so on.
-
-The name of a low-poly part ends with its suffix. In the name of a high-poly part anything that does
-not begin with a letter may follow the suffix: `body_high.001` belongs to `body`, as modeling
-programs number copies, and `body_highlight` does not. Case is ignored. A part with `_ignore` in its
-name, not followed by a letter, is left out.
+docs/how-to/parts.md has the rules. What may follow a suffix does not begin with a letter, because
+modeling programs number copies: `body_high.001` belongs to `body`, and `body_highlight` does not.
 """
 
 from __future__ import annotations
