@@ -117,13 +117,7 @@ class UnitGrid:
 
 
 def unit_scale(size: float) -> float:
-    """Greatest power of two that scales a size to at most 1, as far as float64 has such powers.
-
-    Multiplying by it changes no bits but the exponent. The scale of size 0 is 1.
-
-    >>> unit_scale(1.0), unit_scale(1.5), unit_scale(0.125)
-    (1.0, 0.5, 8.0)
-    """
+    """Greatest power of two that float64 has and that scales a size to at most 1; 1 for 0."""
     if size == 0.0:
         return 1.0
     mantissa, exponent = math.frexp(size)  # size = mantissa * 2^exponent, mantissa in [0.5, 1)

@@ -117,12 +117,7 @@ def with_own_hard_edges(mesh: Mesh) -> Mesh:
 
 @dataclass(frozen=True)
 class LowNormals:
-    """How a low-poly mesh gets its normals: a choice of `with_normals`, or `auto`.
-
-    Unless normals are kept, the sharp edges of a high-poly mesh without normals are hard. With
-    `auto`, those of the low-poly mesh are edges of the high-poly one that were hard, and it is
-    smooth elsewhere.
-    """
+    """How a low-poly mesh gets its normals: a choice of `with_normals`, or `auto`."""
 
     choice: str
     angle: float
@@ -297,13 +292,7 @@ def joined_normals(
     other: npt.NDArray[np.integer],
     polygon_of: npt.NDArray[np.integer],
 ) -> dict[str, Any]:
-    """Return normals as fields of a mesh, each shared by the corners that pairs join.
-
-    Corners that share theirs with no other polygon have that of their own.
-
-    `positions` (V, 3) float64; `faces` (F, 3) int32; `slots` (F, 3) int; `one`, `other` (n,) int:
-    corners at one vertex that share a normal; `polygon_of` (C,) int.
-    """
+    """Return normals as fields of a mesh, each shared by the corners that pairs join."""
     n = len(polygon_of)
     labels = np.arange(n, dtype=np.int32)
     core.merge_labels(labels, one.astype(np.int32), other.astype(np.int32))

@@ -60,12 +60,7 @@ def cube() -> Mesh:
 def grid_sphere(
     n_theta: int, n_phi: int, radius_at: Field | None = None, *, pole_margin: float = 0.001
 ) -> Mesh:
-    """Sphere as a grid of polar angle and azimuth, open by a small ring at either pole.
-
-    Vertex `row * n_phi + column` lies at z = r cos θ, x = r sin θ cos φ, y = r sin θ sin φ.
-
-    `pole_margin`: radians between either pole and its ring of open edges.
-    """
+    """Sphere about z as a grid of angles, row by row, open by `pole_margin` at each pole."""
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
     phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
     faces = ids_around(n_theta, n_phi)[split_quads(grid_quads(n_theta - 1, n_phi))]
@@ -260,11 +255,7 @@ def _fruit_radii(directions: FloatArray) -> FloatArray:
 
 @cache
 def _pores() -> tuple[Any, ...]:
-    """Pores as balls on the unit sphere, listed by the cells of a grid that they reach into.
-
-    Returns their centers, radii and depths, the number of cells along each side of the cube from
-    -1 to 1, and two lists, `starts` and `pores`: cell c has `pores[starts[c]:starts[c + 1]]`.
-    """
+    """Centers, radii and depths of pores, cells per side, and pores by cell, with starts."""
     i = np.arange(_N_PORES)
     spacing = np.sqrt(4.0 * np.pi / _N_PORES)
     jitter = (0.7 * spacing) * (np.stack([_hashed(i, stream) for stream in range(3)], 1) - 0.5)

@@ -57,11 +57,7 @@ class _Arrays(NamedTuple):
 def read_primitives(
     document: Document, requests: Sequence[PrimitiveRequest], *, keeps_colors: bool = False
 ) -> list[MeshPart | None]:
-    """Triangles of primitives in the space of their meshes; None for those that have none.
-
-    Files of CAD programs have 100,000 primitives of a few triangles, so those that have the same
-    attributes are joined while their vertices are welded.
-    """
+    """Triangles of primitives in the space of their meshes; those of equal attributes at once."""
     found = [_read_arrays(document, request) for request in requests]
     alike: dict[Any, list[int]] = {}
     for i, (request, arrays) in enumerate(zip(requests, found, strict=True)):

@@ -27,11 +27,7 @@ _PARSED: ContextVar[dict[Any, Any] | None] = ContextVar("parsed files", default=
 
 
 def read_array(path: PathLike) -> ByteArray:
-    """Read the bytes of a file as a read-only array; raises what `read_bytes` raises.
-
-    Parsers in the core go over a file several times, and its content must not change meanwhile. So
-    it is not mapped, except by `texbake.mesh.streamed`.
-    """
+    """Read a file as a read-only array, not mapped, since parsers go over it several times."""
     data = read_whole(path, lambda place: np.fromfile(place, dtype=np.uint8))
     data.flags.writeable = False
     return data

@@ -293,11 +293,7 @@ def _bilinear(pixels: FloatArray, column: FloatArray, row: FloatArray) -> FloatA
 
 
 def make_mobius(*, resolution: tuple[int, int], radius: float, width: float, twists: int) -> Mesh:
-    """Closed strip whose cross section turns by half a turn for each of `twists`.
-
-    With angle a = 2 pi (u - 1/2), turn b = pi twists (u - 1/2) and s = width (v - 1/2), the point
-    is (r sin a, s cos b, r cos a), r = radius + s sin b.
-    """
+    """Closed strip whose cross section turns by half a turn for each of `twists`."""
     n_u, n_v = resolution
     grid = make_grid(closed_lines(n_u), open_lines(n_v), twisted=twists % 2 == 1)
     column, row = grid.nodes.astype(np.int64).T  # in half steps

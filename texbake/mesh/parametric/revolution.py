@@ -256,13 +256,7 @@ def _side_and_caps(
     sides: int | None,
     caps: bool,
 ) -> Mesh:
-    """Straight outline, swept, with flat ends if there are `caps`.
-
-    The side fills the unit square; its groups, where there are caps, are `side`, `bottom` and
-    `top`. The bottom is a disk in the tile to the right of it, 1 < u < 2, and the top one in the
-    next, both as seen from outside with +x to the right: no two parts overlap, and an image that
-    repeats is whole on each.
-    """
+    """Straight outline, swept, with flat ends if there are `caps`, each in a tile of its own."""
     n_u, n_v = resolution
     columns = round_columns(n_u) if sides is None else flat_columns(n_u, sides)
     low, high = -0.5 * height, 0.5 * height
