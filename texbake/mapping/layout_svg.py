@@ -108,11 +108,7 @@ def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool)
 
 
 def _outlines(points: Points, groups: Ids) -> Iterator[str]:
-    """Path data of the loops around what the faces of each group cover, by the nonzero rule.
-
-    Faces of a group have the same orientation. An edge that two of them run along in opposite
-    directions lies inside; the remaining edges form the loops.
-    """
+    """Path data of the loops around what the faces of each group cover, by the nonzero rule."""
     ids, tails, heads = _ends(np.stack([points, np.roll(points, -1, axis=1)], axis=2))
     owners = np.repeat(groups, 3)
     rows = np.column_stack([owners, np.minimum(tails, heads), np.maximum(tails, heads)])

@@ -24,15 +24,7 @@ from texbake.mesh.weld import unique_rows, weld_rows
 
 
 def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
-    """Chart of each face: faces joined by edges that they share in space and in the texture.
-
-    `cut` (F,) bool: faces that are not joined to those where it is False. Returns (F,) int32:
-    numbered from 0 in the order of their first faces.
-
-    >>> from texbake.mesh.shapes import plane
-    >>> chart_ids(plane(2, 1))
-    array([0, 0, 0, 0], dtype=int32)
-    """
+    """(F,) charts of faces joined in space and texture, apart by `cut` (F,), by first faces."""
     corners = _texture_corners(mesh)
     if cut is not None:
         corners = corners + (int(corners.max(initial=-1)) + 1) * cut[:, np.newaxis]

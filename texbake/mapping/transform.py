@@ -92,11 +92,7 @@ def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
 
 
 def bulge(coordinates: FloatArray, strength: float) -> FloatArray:
-    """Magnify the center of the texture by 1 / (1 - strength); a negative strength shrinks it.
-
-    The distance from the center becomes r (1 - strength (1 - (r / R)²)²), which grows with r for
-    strengths above -1.25 and below 1.
-    """
+    """Magnify the center of the texture by 1 / (1 - strength); a negative strength shrinks it."""
     about = coordinates - _MIDDLE
     weights = _weights(about)[:, None]
     return np.where(weights == 0.0, coordinates, _MIDDLE + about * (1.0 - strength * weights))

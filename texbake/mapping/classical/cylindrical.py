@@ -51,12 +51,7 @@ _DECIMALS = 12
 
 
 def center_about_axis(mesh: Mesh, center: Vector | None, frame: FloatArray) -> FloatArray:
-    """(3,) float64: the given center; for None, one on the axis of a prism, cone or pyramid.
-
-    `frame` (3, 3) float64: rows as `frame_about` returns them, the axis last. For None the middle
-    of the bounding box is moved across the axis to the center of the circle that all the outermost
-    corners lie on, if there is one around the others.
-    """
+    """(3,) the given center, or one on the axis of a prism by the circle of its outer corners."""
     middle = center_of(mesh, center)
     if center is not None or mesh.n_faces == 0:
         return middle

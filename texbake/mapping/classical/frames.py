@@ -46,17 +46,7 @@ class LocalPoints:
 
 
 def frame_about(axis: str | Vector) -> FloatArray:
-    """Frame about an axis.
-
-    `axis`: `x`, `y`, `z`, or a vector of any length above 0. The frame of a vector is that of the
-    nearest of x, y, z and their opposites, rotated onto it by the smallest rotation. Returns (3, 3)
-    float64: rows e1, e2 and the axis; read-only.
-
-    >>> frame_about("y")
-    array([[0., 0., 1.],
-           [1., 0., 0.],
-           [0., 1., 0.]])
-    """
+    """(3, 3) rows e1, e2 and the axis; of a vector the nearest frame of an axis, turned onto it."""
     vector = _unit(AXES[axis] if isinstance(axis, str) else axis)
     nearest = int(np.abs(vector).argmax())
     frame = np.roll(np.eye(3), -1 - nearest, axis=0)  # rows nearest + 1, nearest + 2, nearest

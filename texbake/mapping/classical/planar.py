@@ -109,12 +109,7 @@ def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
 
 
 def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, float]:
-    """Direction of least variance, pointing to +z; to +y or +x if it is far from z.
-
-    If several directions have the least variance (a cube, a rod), it is the one nearest to z. If
-    three quarters of the projected area would look away, as with an open surface that faces
-    backwards, the direction is reversed.
-    """
+    """Direction of least variance nearest to +z, or +y, +x; turned to face most of the area."""
     variances = _variances(points, mesh)
     values, vectors = pm.eigh(variances)
     free = vectors[:, values <= values[0] + _VARIANCE_ROUNDING * values.sum()]
