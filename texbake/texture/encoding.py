@@ -44,11 +44,7 @@ def _quantized(
     sizes: FloatArray | None = None,
     noise: float = 0.0,
 ) -> npt.NDArray[Any]:
-    """Quantize values with a factor and an offset per channel, in units of a code.
-
-    There are 1, 2, 3 or 4 channels. With lows and sizes, one per channel, the values are first
-    taken relative to them. Kernel: `core/quantization.c`.
-    """
+    """Codes of values by a factor and an offset for 1 to 4 channels; `core/quantization.c`."""
     flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, len(factors))
     codes = np.empty(flat.shape, code_type(bits))
     quantize = core.quantize_u8 if bits == 8 else core.quantize_u16
@@ -209,13 +205,7 @@ def encode_heights(
     scale: float,
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Encode signed distances d as levels h = d / scale + mid.
-
-    Heights in the range (-mid * scale, (1 - mid) * scale) decode with an error of at most half a
-    step, scale / (2^bits - 1) / 2. Heights outside are clipped; see `count_clipped`.
-
-    `heights` (...,) float32: model units. Returns (...,) uint8, uint16 or float32.
-    """
+    """Encode signed distances d (...) in model units as levels h = d / scale + mid, clipped."""
     if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):
         raise OptionError(f"scale: {scale} with the mid level {mid} maps no heights; give others")
     if bits == 32:

@@ -26,14 +26,7 @@ from texbake.texture.options import MipOptions
 
 
 def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """Arrange mip levels in one picture.
-
-    `levels` sequence of (H, W, C). Returns (H, W, C): the finest level on the left, the others
-    below each other on its right; 0 elsewhere.
-
-    >>> levels_picture([np.full((2, 2, 1), 5), np.full((1, 1, 1), 7)])[..., 0].tolist()
-    [[5, 5, 7], [5, 5, 0]]
-    """
+    """Mip levels (H, W, C) in one picture: the finest on the left, the others on its right."""
     first, *others = levels
     height = max(first.shape[0], sum(level.shape[0] for level in others))
     width = first.shape[1] + max((level.shape[1] for level in others), default=0)

@@ -192,14 +192,7 @@ _Free = tuple[int, int, int, int]
 
 
 def place_rectangles(sizes: Sequence[Size], width: int, height: int) -> list[Size] | None:
-    """Place rectangles in a bin, large ones first, each where it fits a free rectangle best.
-
-    `sizes` sequence of (width, height). Returns list of (left, top), or None, in the order of
-    `sizes`. None if they do not fit in any of the orders that are tried.
-
-    >>> place_rectangles([(2, 1), (2, 3), (1, 1)], 4, 3)
-    [(2, 0), (0, 0), (2, 1)]
-    """
+    """(left, top) of rectangles in a bin, large ones first, by best fit; None if none fits."""
     if sum(w * h for w, h in sizes) > width * height:
         return None
     keys = (

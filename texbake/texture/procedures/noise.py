@@ -102,14 +102,7 @@ class _SplitMix64:
 
 @dataclass(frozen=True)
 class Weight:
-    """Statistics of noise with one of the two weights.
-
-    The bound is reached if all eight gradients point to the middle of their cell. For the edges of
-    a cube, it is the greatest value in a search over all points and gradients, rounded up. The
-    other figures are means over space, with three coordinates or in the plane z = 0, and over seeds
-    0 to 31. A single seed is within about 2 % of them, in the plane within 5 %. The variance of the
-    cubic form has a closed form, from which its values are taken.
-    """
+    """Statistics of noise with one of the two weights, over space and seeds 0 to 31."""
 
     quintic: bool
     bound: float  # upper bound on |noise|
