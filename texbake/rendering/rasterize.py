@@ -196,14 +196,7 @@ def rasterize(
     tries: npt.NDArray[np.uint32] | None = None,
     threads: int | None = None,
 ) -> VisibilityBuffer:
-    """Find the nearest triangle at each sample; `modes` (O,), `tries` (height, width).
-
-    In clip space z runs from 0 (infinity) to w (the near plane). The arrays have the shape of the
-    `window`. With `behind` and `before`, only surfaces behind the one (or at the same depth with a
-    higher index) and in front of the other are drawn. `tries` counts the triangles that cover each
-    sample, visible or hidden; it is added to in place. A triangle without area on the grid is not
-    visible.
-    """
+    """Nearest triangle at each sample, in front of and behind others; adds to `tries`."""
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     size, window = (width, height), window or Window(0, height, 0, width)
     faces, starts = _sorted_into_bands(world, modes, clip_from_world, grid, size, window, threads)

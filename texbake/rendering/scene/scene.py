@@ -181,14 +181,7 @@ def transform_matrix(
     rotate: tuple[float, float, float] = (0.0, 0.0, 0.0),
     scale: float | tuple[float, float, float] = 1.0,
 ) -> FloatArray:
-    """(4, 4) float64: matrix that scales, rotates about x, y and z in that order, and translates.
-
-    `translate`, in world units; `rotate`, in degrees, counter-clockwise seen from the tip of the
-    axis.
-
-    >>> transform_matrix(rotate=(0, 90, 0), translate=(0, 5, 0)) @ [1, 0, 0, 1]
-    array([ 0.,  5., -1.,  1.])
-    """
+    """(4, 4) matrix that scales, rotates in degrees about x, y and z in turn, and translates."""
     linear = np.diag(np.broadcast_to(np.asarray(scale, np.float64), 3))
     for axis, angle in enumerate(rotate):
         cosine, sine = _cos_sin(angle)
