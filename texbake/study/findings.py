@@ -118,14 +118,7 @@ def speedups(result: KnobResult) -> list[Speedup]:
 
 
 def seconds_for(points: Sequence[tuple[float, float]], error: float) -> float | None:
-    """Return the seconds at which points (seconds, error) reach an error; None if none does.
-
-    Between two points the error is taken to fall as a power of the time, which is a straight line
-    on logarithmic scales.
-
-    >>> seconds_for([(1.0, 8.0), (4.0, 2.0)], 4.0)
-    2.0
-    """
+    """Seconds at which points (seconds, error) reach an error, along powers of time, or None."""
     front = [points[i] for i in pareto_front(points)]
     for k, (seconds, reached) in enumerate(front):
         if reached > error:

@@ -40,12 +40,7 @@ def run_experiment(
     advance: Callable[[int], None] = lambda n: None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> tuple[Measurement, ...]:
-    """Try all settings of an experiment, `repeats` times each, in orders that follow from a seed.
-
-    A setting that has been timed twice is not run again once its timed runs add up to `seconds`. A
-    first run that takes longer than this counts as a timed one: what it may still have had to
-    compile is little beside it. `advance` is called with 1 after each run.
-    """
+    """Try settings `repeats` times in seeded orders, none again once it took `seconds`."""
 
     def run(setting: Setting) -> tuple[object, float]:
         return _timed(lambda: experiment.work(setting.value), clock)

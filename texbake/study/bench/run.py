@@ -260,11 +260,7 @@ def export_files(
 
 
 def bench_rows(result: BenchResult) -> list[tuple[str, str, str, str, str, str]]:
-    """Return a heading and, for each setting of another program, how many times as fast texbake is.
-
-    Columns are the task and the case, the program and its setting, its error and time, texbake's
-    fastest setting that is as accurate, and the other's time over its.
-    """
+    """Heading and rows: how many times as fast texbake is as each setting of other programs."""
     rows = [("task", "program", "error", "time", "texbake", "times as fast")]
     for contest in result.contests:
         for match in contest.matches():
