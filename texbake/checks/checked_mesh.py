@@ -269,12 +269,7 @@ def make_finding(
     badness: npt.NDArray[Any] | None = None,
     **figures: Any,
 ) -> Finding | None:
-    """Make a finding, or return None where nothing was counted.
-
-    `count`: how often it occurs, in the unit of the kind; `faces` (n,) int: faces that have it, in
-    any order; `badness` (n,) float: how bad each of them is, None where all are equal; `figures`:
-    values for the braces in the sentences of the kind.
-    """
+    """Make a finding on `faces` (n,), worst by `badness`; None where nothing was counted."""
     if not count:
         return None
     kind = KINDS[name]

@@ -91,12 +91,7 @@ def texel_owners(checked: CheckedMesh) -> TexelOwners:
 
 
 def thin_charts(checked: CheckedMesh) -> Finding | None:
-    """Charts thinner than the padding; the thinnest are the worst.
-
-    The width of a chart is that of a rectangle with its area and its perimeter, or four times its
-    area over its perimeter where it is rounder than a square: exact for rectangles, for strips
-    however bent, for rings, and for disks.
-    """
+    """Charts thinner than the padding, by area and perimeter; the thinnest are the worst."""
     padding = checked.options.padding
     widths = chart_widths(checked)
     thin = np.isfinite(widths) & (widths < padding)
