@@ -240,11 +240,7 @@ def finished_maps(
     inputs: BakeInputs,
     stages: Stages,
 ) -> tuple[dict[str, BakedMap], int]:
-    """Pad the maps; also return the number of texels where the padding of two charts meets.
-
-    `means`: returns the values (H, W, C) of a map, which are then changed in place; `texel_charts`
-    (H, W) int32: chart that covers each texel, `NO_FACE` for none.
-    """
+    """Pad maps, whose `means` change in place; count texels where padding of charts meets."""
     options = inputs.options
     with stages.stage("pad"):
         padding = ChartPadding(texel_charts, has_data, options)

@@ -270,11 +270,7 @@ def watch(
     until: Callable[[], bool] = lambda: False,
     poll_seconds: float = _POLL_SECONDS,
 ) -> None:
-    """Build a pipeline, and again whenever the pipeline file or a file that it reads is saved.
-
-    A build starts once nothing changes any more, for programs that save in several steps, and at
-    the latest 40 polls after the first change. Workers stay warm between builds.
-    """
+    """Build a pipeline, and again, with warm workers, whenever one of its files has been saved."""
     options = options or BuildOptions()
     workers = None if options.scheduler is not None else local_workers(options)
     try:

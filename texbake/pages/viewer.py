@@ -115,12 +115,7 @@ def pack(arrays: Mapping[str, IntArray], more: Mapping[str, object]) -> str:
 
 
 def packed_mesh(mesh: Mesh, frame: LocalFrame) -> str:
-    """Pack a mesh for drawing.
-
-    The arrays are `index` (3 F, 1), `position` (V, 3), `normal` (V, 2) and, if the mesh has texture
-    coordinates, `uv` (V, 2), `tangent` (V, 3) with the bitangent's sign last, and `borders` (F, 1),
-    in which bit k is set if the edge from corner k to the next is on the outline of its chart.
-    """
+    """Pack the index, positions, normals, and if there are uvs, these, tangents and borders."""
     normals, normal_faces = shading_normals(mesh)
     corners = [mesh.faces.ravel(), normal_faces.ravel()]
     tangents = None

@@ -152,13 +152,7 @@ def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Mean distance through the inside below each hit: (n, 1) float32, in model units.
-
-    The mean over the hemisphere below the surface, weighted by the cosine of the angle to the
-    normal. So a ball of radius r is 4/3 r thick everywhere, and the mean over the surface of any
-    convex body is 4 times its volume divided by its surface area (Cauchy's mean chord theorem). A
-    ray that meets no far side counts with its full length.
-    """
+    """Mean distance through the inside below each hit, by the cosine: (n, 1), in model units."""
     from texbake.raycast.rays import DEPTH
 
     return _met(hits, slice(DEPTH, DEPTH + 1), "thickness")
