@@ -73,10 +73,7 @@ def data_dir():
 
 @pytest.fixture(scope="session")
 def meshoptimizer():
-    """The library that codes views of glTF files; the test is skipped where it is not installed.
-
-    PyPI has no wheels of it, so that it takes a compiler, and the extra `test` goes without it.
-    """
+    """The library that codes views of glTF files, without wheels; else the test is skipped."""
     return pytest.importorskip(
         "meshoptimizer",
         reason="meshoptimizer is not installed: pip install 'texbake[meshoptimizer]'",

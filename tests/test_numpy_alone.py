@@ -71,10 +71,7 @@ NEEDS = {
 
 
 def tour_alone(folder, code):
-    """Run code in a process that finds texbake, NumPy and Python's own modules; return its output.
-
-    `folder`: for links to the packages. Its `out` is the folder for files.
-    """
+    """Output of code in a process that finds texbake, NumPy and Python's own modules alone."""
     packages = folder / "packages"
     packages.mkdir(parents=True)
     (folder / "out").mkdir()

@@ -186,10 +186,7 @@ class Llvmpipe:
         return Loaded(job, program, vertices, textures, drawn, resolved, pixels)
 
     def draw(self, loaded: Loaded) -> np.ndarray:
-        """Draw, and read back (H, W, 4), row 0 at the bottom, as OpenGL has it.
-
-        The next picture of the same job replaces it.
-        """
+        """Draw, and read back (H, W, 4), row 0 at the bottom, until the next picture of the job."""
         job, program = loaded.job, loaded.program
         matrix = job.opengl_from_world.T  # OpenGL's matrices go down their columns
         program["clip_from_world"].write(np.ascontiguousarray(matrix, np.float32))

@@ -86,10 +86,7 @@ def write(tmp_path):
 
 @pytest.fixture
 def run():
-    """Build in this process; return the result and the names of the steps that ran.
-
-    Also check that the events of the build agree with its result.
-    """
+    """Build here, checking the events; return the result and the names of steps that ran."""
 
     def run(path, **options):
         crew, events = Inline(), list[BuildEvent]()

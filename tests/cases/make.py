@@ -49,11 +49,7 @@ def tangent_cases():
 
 
 def quads(random, n=9):
-    """A rough sheet of quadrilaterals that begin anywhere, and of triangles.
-
-    Its left is mirrored, its right half badly mapped, its top has charts of single polygons, and at
-    its bottom vertices are at one place.
-    """
+    """A rough sheet of quadrilaterals and triangles, partly mirrored, badly mapped or in pieces."""
     from texbake.mesh.mesh import Mesh
     from texbake.mesh.polygons import triangulated
 

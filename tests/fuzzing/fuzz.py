@@ -123,10 +123,7 @@ def child(name: str, home: Path, options: argparse.Namespace, flags: list[str]) 
 
 
 def environment(core: Path | None) -> dict[str, str]:
-    """Return the variables with which a child loads a core whose branches are counted.
-
-    Python is not built with the sanitizer, so that its library must be there before all others.
-    """
+    """Variables with which a child loads a core whose branches are counted, its sanitizer first."""
     if core is None:
         return dict(os.environ)
     import atheris
@@ -146,10 +143,7 @@ def faults_of(name: str, findings: Path) -> list[str]:
 
 
 def take_artifacts(name: str, home: Path, options: argparse.Namespace, code: int) -> int:
-    """Move the inputs that ended a child to the findings; return how many there were.
-
-    One that took long by the clock is read again, since the machine may have been busy.
-    """
+    """Move inputs that ended a child to the findings, slow ones if again; return how many."""
     found = [each for each in home.iterdir() if each.name.startswith(("crash", "timeout", "oom"))]
     reasons = _REASON.findall((home / "log").read_text(errors="replace"))
     for path in found:

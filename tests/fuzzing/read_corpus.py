@@ -50,10 +50,7 @@ def folder_of(name: str) -> Path:
 
 
 def fault_of(read: Reader, path: Path) -> str | None:
-    """Read one file; return what went wrong or that it took too long, or None.
-
-    A file that the reader never finishes ends the process.
-    """
+    """Read one file; return what went wrong, or that it took too long, or None."""
     limit = SECONDS * (SLOWDOWN if "asan" in os.environ.get("LD_PRELOAD", "") else 1)
     start = time.process_time()
     faulthandler.dump_traceback_later(

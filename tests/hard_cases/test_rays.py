@@ -36,11 +36,7 @@ def cast(mesh, rays, *, cull):
 
 
 def into(mesh, rng):
-    """Points on a closed mesh, its vertices and middles of edges, and directions into it.
-
-    Against the angle-weighted normal of a vertex, and against the mean of two faces at an edge, the
-    way leads inside; turned a little, it still does.
-    """
+    """Points on a closed mesh, at vertices and middles of edges, and directions into it."""
     frame = LocalFrame.around(mesh)
     points = frame.to_local(mesh.positions)
     # By vertex and not by position: shells that coincide have normals of their own.

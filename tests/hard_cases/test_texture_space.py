@@ -9,11 +9,7 @@ from texbake.errors import UvError
 
 
 def covers(corners, points):
-    """(F, n) whether a face covers points of the integer grid, after the top-left rule.
-
-    An oracle that shares nothing with the rasterizer but the grid: every face against every sample,
-    in Python's integers.
-    """
+    """(F, n) whether a face covers points by the top-left rule, in Python's integers."""
     corners = np.vectorize(int, otypes=[object])(corners)  # exact, however large
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     doubles = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])

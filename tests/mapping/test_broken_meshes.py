@@ -25,10 +25,7 @@ EXCUSES = "has an area", "narrower than", "do not fit"
 
 
 def wrong_with(mesh, quality):
-    """What is wrong with the coordinates that a mesh gets; empty if nothing is.
-
-    The texture has few texels, for which packing searches less long.
-    """
+    """What is wrong with the coordinates that a mesh gets on few texels; empty if nothing is."""
     try:
         unwrapped = unwrap(mesh, quality=quality, size=512, padding=0, threads=1)
     except UnwrapError as error:

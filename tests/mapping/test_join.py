@@ -43,10 +43,7 @@ def charts_by(labels, mesh):
 
 
 def checked(mesh, charts):
-    """Measure charts, after making sure that they are sound.
-
-    Every face lies in one chart, upright, on nothing of its chart, which has its area in space.
-    """
+    """Measure charts once each face is in one, upright, on nothing, with its area in space."""
     corners = charts.uvs[charts.faces]
     ids = charts.chart_ids[charts.faces]
     assert (ids == ids[:, :1]).all()

@@ -146,10 +146,7 @@ def test_images_with_an_alpha_channel_are_known_by_their_headers(tmp_path):
 def textured_file(
     folder, textures, *, form="binary", content=RGB, creator=b"", layered=False, **more
 ):
-    """Path of a file whose material has a texture for each property, with properties of its own.
-
-    If they are layered, each is below another one without an image.
-    """
+    """Path of a file whose material has a texture for each property, layered if asked."""
     version = 7400
     nodes = [("Creator", [creator], []), *scene(version, materials=("red",), **more)]
     objects, connections = (node[2] for node in nodes if node[0] in ("Objects", "Connections"))

@@ -33,10 +33,7 @@ def turned(mesh, scale, shift):
 
 
 def targets_of(mesh, points):
-    """Vertices, middles of edges and middles of faces, with the faces that meet at each.
-
-    Returns the targets, outward directions, and pairs (target, face).
-    """
+    """Vertices, middles of edges and of faces, outward directions, and pairs (target, face)."""
     edges = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2), axis=2)
     edges, edge_of = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
     n_vertices, n_edges, faces = mesh.n_vertices, len(edges), np.arange(mesh.n_faces)

@@ -70,11 +70,7 @@ def single_rays(mesh, n, *, seed=1):
 
 
 def nearest_of_all(corners, origins, directions):
-    """Distance of the first hit of each ray, from volumes of tetrahedra, and whether it is certain.
-
-    It is certain if rounding of the volumes cannot change it: a miss if a volume is certainly
-    negative, a hit if all are certainly positive.
-    """
+    """Distance of each ray's first hit, from volumes of tetrahedra, and whether it is certain."""
     p, q, r = (corners[np.newaxis, :, k] - origins[:, np.newaxis] for k in range(3))
     along = directions[:, np.newaxis]
     volumes = np.stack([(along * np.cross(a, b)).sum(-1) for a, b in ((r, q), (p, r), (q, p))])

@@ -343,11 +343,7 @@ def test_what_cannot_be_a_bump_map_is_one_line():
 
 @pytest.mark.parametrize("space", ["uv", "object"])
 def test_differences_on_one_side_are_of_first_order_and_central_ones_of_second(space):
-    """A sine over x: the slope of each difference, and its error for a step of half the size.
-
-    Steps are a pixel wide, and in space along the first edge of a triangle, which here is x on the
-    right.
-    """
+    """A sine over x: the slope of each difference, and its error for a step of half the size."""
     errors = {name: [] for name in ("central", "forward", "backward")}
     for width in (64, 128):
         options = RenderOptions(width=width, height=8, supersampling=1)

@@ -105,11 +105,7 @@ def test_a_white_dielectric_gives_back_all_light(wall, roughness):
 
 
 def albedo_of_metal(roughness, cosine):
-    """Share of light that microfacets of F = 1 reflect once: the integral of D V (N·L), x 4 / 4.
-
-    Over the half vectors that the eye sees, by midpoints in angle: an oracle by another way than
-    the table's, which draws samples.
-    """
+    """Share that microfacets of F = 1 reflect once, by midpoints: that of D V (N·L), x 4 / 4."""
     alpha = roughness**2
     n = 800
     theta = (np.arange(n) + 0.5) / n * np.pi / 2

@@ -301,10 +301,7 @@ def test_lights(asset, tmp_path):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_what_a_node_holds_stands_where_its_ancestors_put_it(asset, tmp_path, seed):
-    """The product of random translations, rotations and scales places a mesh, light and camera.
-
-    Translations are up to 1e8, where the direction of the camera must not be lost in rounding.
-    """
+    """Random translations (to 1e8), rotations and scales place a mesh, light and camera."""
     rng, size = np.random.default_rng(seed), 10.0 ** (2 * seed)
     place, nodes = np.eye(4), []
     for i in range(3):

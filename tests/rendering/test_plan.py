@@ -84,11 +84,7 @@ def lambert(**fields):
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """A scene that calls for an effect, and one as near to it as can be that does not.
-
-    `why` is what the plan says of the second; None: what the effect itself says. Without a second
-    scene, `always` tells why there can be none.
-    """
+    """A scene that calls for an effect, one near it that does not, and `why`, or why none."""
 
     wanted: Scene
     unwanted: Scene | None = None

@@ -71,11 +71,7 @@ def test_blinn_phong_is_its_formula(wall, exponent, gloss):
 
 
 def gltf_brdf(n, v, l, base, metallic, roughness):  # noqa: E741
-    """Appendix B of glTF 2.0, `pi * material(...)`, in plain Python; V as Heitz 2014 has it.
-
-    The appendix multiplies the masking of both directions; the height-correlated form here is that
-    of Khronos' own viewer and of three.js.
-    """
+    """Appendix B of glTF 2.0, `pi * material(...)`, in Python, but V height-correlated."""
     dot = lambda a, b: sum(x * y for x, y in zip(a, b, strict=True))  # noqa: E731
     h = [a + b for a, b in zip(l, v, strict=True)]
     length = math.sqrt(dot(h, h))

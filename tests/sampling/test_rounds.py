@@ -19,10 +19,7 @@ from texbake.sampling.rounds import (
 
 
 class Work:
-    """Something whose error falls with the samples that are spent on it, at known costs.
-
-    Implements `texbake.sampling.rounds.Refinable`.
-    """
+    """A `Refinable` whose error falls with the samples that are spent on it, at known costs."""
 
     def __init__(self, budget, *, unit=4e-5, growth=1.0, overhead=0.05, seed=0):
         rng = np.random.default_rng(seed)

@@ -112,10 +112,7 @@ def noise():
 
 
 def footprints(n, long, short, seed=0):
-    """Derivatives of ellipses of `long` and `short` texels an axis, turned anyhow.
-
-    The two steps are not the axes: they are turned against each other and sheared.
-    """
+    """Derivatives of ellipses of `long` and `short` texels an axis, turned anyhow, and sheared."""
     rng = np.random.default_rng(seed)
     turn, roll = rng.uniform(0, 2 * np.pi, (2, n))
     major = np.stack([np.cos(turn), np.sin(turn)], axis=1) * long

@@ -106,10 +106,7 @@ def test_numbers_out_of_range():
 
 
 def integrated(roughness, n_v, n_theta=800, n_phi=400):
-    """Scale and bias by plain summation over the light's hemisphere, after the BRDF of glTF 2.0.
-
-    Polar about the mirrored direction, where the lobe is, finer toward it.
-    """
+    """Scale and bias by summation over the hemisphere, finer at the lobe, as glTF 2.0 has it."""
     alpha2 = roughness**4
     view = np.array([np.sqrt(1 - n_v**2), 0.0, n_v])
     mirrored = np.array([-view[0], 0.0, n_v])

@@ -31,12 +31,7 @@ def changes(n, du_dx=0.0, dv_dx=0.0, du_dy=0.0, dv_dy=0.0):
 
 
 def plane_to_the_horizon(width, height, *, turned_deg):
-    """Coordinates of a ground plane seen by an upright camera, and their derivatives.
-
-    The eye is 1 above the plane and looks along it; the horizon is the picture's upper edge. A
-    pixel at (x, y) from the middle of the horizon, y down, sees the point (x, f) / y, f pixels
-    being the focal length.
-    """
+    """Coordinates and derivatives of a ground plane 1 below an eye that sees it up to the top."""
     focal = width / 2 / np.tan(np.radians(30.0))
     x, y = np.meshgrid(np.arange(width) + 0.5 - width / 2, np.arange(height) + 0.5)
     ground = np.stack([x / y, focal / y], axis=-1)

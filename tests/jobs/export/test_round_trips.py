@@ -34,11 +34,7 @@ CAMERA = Camera.looking_at((1.2, 1.0, 2.6), (0, 0, 0), fov=np.radians(40.0), nea
 
 
 def write_maps(folder, *, green=1.0):
-    """Maps of a ball with bumps and bands; `green` of -1 makes the normals wrong.
-
-    It is not metallic: on metals both programs add the light of several bounces between
-    microfacets, which glTF's formula leaves out.
-    """
+    """Maps of a ball, not metallic; `green` of -1 makes the normals wrong."""
     y, x = np.mgrid[:256, :512] / 256 * 2 * np.pi * 10
     ones = np.ones_like(x)
     normals = np.stack([0.4 * np.cos(x), 0.3 * np.sin(y) * green, ones], axis=-1)
@@ -116,10 +112,7 @@ def by_threejs(assets, tmp_path_factory):
 
 
 def alike(ours, theirs):
-    """PSNR in dB of sRGB codes inside the outline, and the share of pixels out of it differently.
-
-    Outlines themselves belong to how edges are smoothed, which programs do differently.
-    """
+    """PSNR in dB of sRGB codes inside the outline, and the share of pixels out of it otherwise."""
     whole = (ours[..., 3] > 0.99) & (theirs[..., 3] > 0.99)
     padded = np.pad(whole, 1)
     windows = [padded[j : j + HEIGHT, i : i + WIDTH] for j in range(3) for i in range(3)]
