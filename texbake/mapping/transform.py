@@ -76,11 +76,6 @@ def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
     """Rotate points about the center of the texture, by `degrees` there and by 0 at radius 1/2.
 
     The angle falls off as (1 - (r / R)²)², so that the map and its first derivative are continuous.
-
-    >>> twirl(np.array([[0.5, 0.5], [1.0, 0.5], [3.0, 0.0]]), 90.0)
-    array([[0.5, 0.5],
-           [1. , 0.5],
-           [3. , 0. ]])
     """
     about = coordinates - _MIDDLE
     angles = np.radians(degrees) * _weights(about)
@@ -99,12 +94,7 @@ def bulge(coordinates: FloatArray, strength: float) -> FloatArray:
 
 
 def power(coordinates: FloatArray, exponent: float) -> FloatArray:
-    """Raise s and t to a power within each tile; whole numbers do not move.
-
-    >>> power(np.array([[0.5, 1.5], [-0.5, 1.0]]), 2.0)
-    array([[ 0.25,  1.25],
-           [-0.75,  1.  ]])
-    """
+    """Raise s and t to a power within each tile; whole numbers do not move."""
     tiles = np.floor(coordinates)
     return np.asarray(tiles + pm.power(coordinates - tiles, exponent))
 

@@ -39,20 +39,11 @@ def next_corners(sizes: Int64Array) -> Int64Array:
 def triangulated(
     path: PathLike, positions: FloatArray, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]
 ) -> tuple[Int64Array, Int64Array]:
-    """Cut the polygons of a file into triangles; warn of those left out, and of crossing ones.
+    """Cut polygons into triangles: corners (F, 3) and the polygon (F,) of each; warn of bad ones.
 
-    `positions` (V, 3) float64; `vertices` (C,) integers; `sizes` (P,) integers. Returns `corners`
-    (F, 3) int64; `polygons` (F,) int64: the polygon of each triangle.
-
-    Notes
-    -----
     The triangles of a simple polygon do not overlap in its projection and fill it. Straight corners
     stay corners of triangles with area where the polygon allows that. Those of a polygon that
     crosses itself overlap or fold.
-
-    >>> corners = np.array([[0.0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0]])
-    >>> triangulated("", corners, np.arange(4), np.array([4]))[0].tolist()
-    [[0, 1, 2], [0, 2, 3]]
     """
     sizes = sizes.astype(np.int64)
     if (sizes == 3).all():

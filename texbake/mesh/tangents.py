@@ -64,26 +64,12 @@ def image_axes(linear: npt.NDArray[np.floating[Any]]) -> Float32Array:
 
 
 def corner_tangents(mesh: MeshLike) -> Float32Array:
-    """MikkTSpace tangent of each corner, for the mesh's texture coordinates and normals.
+    """(F, 3, 4) MikkTSpace tangents of corners, for the mesh's texture coordinates and normals.
 
     Interpolate tangents, normals and bitangents over a face without renormalizing them; the
     bitangent of a corner is ``w * cross(normal, tangent)``. The normals are the mesh's own, as
     they are, else `smooth_normals`. Tangents that came with the file (`Mesh.tangents`) are
-    ignored.
-
-    Position, scale and unit of the mesh change nothing beyond float32 rounding, and scaling by a
-    power of two not even that. Corners are one vertex where their positions are equal, and their
-    normals and texture coordinates are equal in float32.
-
-    Returns (F, 3, 4) float32; x, y, z have unit length and are never NaN.
-
-    >>> from texbake.mesh.mesh import Mesh
-    >>> square = Mesh(
-    ...     positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0]], faces=[[0, 1, 2]],
-    ...     uvs=[[0, 0], [1, 0], [1, 1]], uv_faces=[[0, 1, 2]],
-    ... )
-    >>> corner_tangents(square)[0, 0]
-    array([1., 0., 0., 1.], dtype=float32)
+    ignored. Scaling by a power of two changes no bit.
     """
     mesh = as_mesh(mesh)
     corner_uvs = mesh.corner_uvs()

@@ -135,26 +135,18 @@ class OcclusionRange(NamedTuple):
 
 @lru_cache(maxsize=4)
 def direction_sets(n_rays: int, n_parts: int = 1) -> Float32Array:
-    """Sets of unit vectors about +z, with a density proportional to the cosine of the angle to it.
+    """(S, n_rays, 3) sets of unit vectors about +z, by the cosine of the angle to it.
 
-    Each set is a scrambled net: of its n points in the unit square exactly one lies in every cell
-    of a grid of n cells. The points are sorted by those cells, so that the j-th directions of all
-    sets are nearly the same, and packets of the j-th rays of neighboring samples stay together.
-    The scrambling of different sets is independent, so that the remaining error is noise without a
-    pattern, and its mean is exact.
+    Each set is a scrambled net, its points sorted by the cells of a grid, so that packets of the
+    j-th rays of neighboring samples stay together. Each `n_parts` sets that follow each other are
+    one net of all their directions, to be shared out to the samples of a texel. S is a power of
+    two, and so are `n_rays` and `n_parts`, with a product of at most 65,536.
 
-    Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995, for the scrambling;
-    Burley, "Practical Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4),
-    2020, for its permutation by a hash; Sobol', "On the Distribution of Points in a Cube", 1967,
-    its first two dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997;
-    Malley's method (points of a disk raised to the hemisphere are distributed by the cosine).
-
-    `n_rays`, `n_parts`: powers of two with a product of at most 65,536. Each `n_parts` sets that
-    follow each other are one net of all their directions, so that they can be shared out to the
-    samples of a texel. Returns (S, n_rays, 3) float32; S is a power of two.
-
-    >>> direction_sets(64).shape
-    (1024, 64, 3)
+    Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995; Burley, "Practical
+    Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4), 2020, for its
+    permutation by a hash; Sobol', "On the Distribution of Points in a Cube", 1967, its first two
+    dimensions; Shirley, Chiu, "A Low Distortion Map Between Disk and Square", 1997; Malley's
+    method.
     """
     n_points = n_rays * n_parts
     nets = scrambled_nets(_DIRECTIONS // n_points, n_points)

@@ -4,11 +4,8 @@
 `sample` also take into account how much of an image a pixel covers.
 
 A volume is a stack of images: slice k holds the values at (s, t, r) for r from k / depth to
-(k + 1) / depth. Its rows run from top to bottom, as in any image, while t points up.
-
-Based on: the OpenGL 4.6 specification, section 8.14; Peachey, "Solid Texturing of Complex
-Surfaces", 1985, for volumes. Departs from the specification in the order of rows. Kernel:
-`core/texture_lookup.c`.
+(k + 1) / depth. Its rows run from top to bottom, as in any image, while t points up. Kernel, which
+names the sources: `core/texture_lookup.c`.
 """
 
 from __future__ import annotations

@@ -2,9 +2,7 @@
 
 White is the surface itself, and black lies `depth` below it. The view ray continues below the
 surface until it meets the heights. It is followed in even steps, one per texel that it crosses but
-at most `layers`, so slanted views take more steps. The intersection between the last step above the
-heights and the first step below is refined by the method of false position (Illinois variant),
-which is exact where the map is linear.
+at most `layers`, so slanted views take more steps.
 
 All later lookups of the object use the shifted coordinates, in whatever set. Depth, normals and
 derivatives stay those of the surface, and the outline stays that of the mesh. A ray that leaves the
@@ -12,14 +10,10 @@ texture continues by the texture's wrap mode. At grazing angles the ray is follo
 unit of texture coordinates. Fragments seen from behind their normal are not shifted.
 
 `depth` is in units of texture coordinates. On a stretched mapping, the length of one unit is the
-square root of the surface area that a unit square of the texture covers.
+square root of the surface area that a unit square of the texture covers. The ray is transformed to
+texture space by the exact derivatives of the triangle, which tangents only approximate.
 
-Based on: Policarpo, Oliveira, Comba, "Real-time relief mapping on arbitrary polygonal surfaces",
-I3D 2005; Tatarchuk, "Dynamic parallax occlusion mapping with approximate soft shadows", I3D 2006.
-Unlike these papers, steps are counted in texels, and the ray is transformed to texture space by the
-exact derivatives of the triangle, which tangents only approximate.
-
-Kernel: `core/parallax.c`.
+Kernel, which names the sources: `core/parallax.c`.
 """
 
 from __future__ import annotations
