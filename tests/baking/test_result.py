@@ -170,7 +170,7 @@ BALL = uv_sphere(16, 32)
 
 
 def sentences(high, *maps, materials=None, **given):
-    options = BakeOptions(maps=maps, size=32, secondary_rays=16, **given)  # type: ignore[arg-type]
+    options = BakeOptions(maps=maps, size=32, secondary_rays=16, **given)
     found = bake(high, BALL, options, materials=materials).maps
     told = dict(line.split(": ", 1) for line in redundant_maps(found, 2.0))
     return {name: words.split(" at ")[0].split(";")[0] for name, words in told.items()}

@@ -95,9 +95,9 @@ def test_hits_are_made_into_maps_in_pieces(folder, monkeypatch):
 
 def test_a_limit_of_memory_decides(folder, tmp_path):
     opened: list[str] = []
-    original = StreamedMesh.open.__func__  # type: ignore[attr-defined]
+    original = StreamedMesh.open.__func__
 
-    def spy(cls, source, **given):  # type: ignore[no-untyped-def]
+    def spy(cls, source, **given):
         opened.append(source.path.name)
         return original(cls, source, **given)
 

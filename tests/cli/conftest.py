@@ -78,7 +78,7 @@ def run(script):
     """Run a command line as a process of its own, without a terminal."""
 
     def run(line, **more):
-        return subprocess.run(  # type: ignore[call-overload]
+        return subprocess.run(
             [script, *line.split()], capture_output=True, text=True, timeout=120, **more
         )
 

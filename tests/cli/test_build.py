@@ -99,8 +99,8 @@ def test_watch_builds_saved_changes_until_it_is_stopped(pipeline, script):
         def until_watching():
             output = ""
             while not output.endswith("watching ...\n"):
-                line = process.stdout.readline()  # type: ignore[union-attr]
-                assert line, process.stderr.read()  # type: ignore[union-attr]
+                line = process.stdout.readline()
+                assert line, process.stderr.read()
                 output += line
             return output
 

@@ -80,7 +80,7 @@ def start(script, line, scratch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 @pytest.mark.parametrize("name", ["split-channels", "unwrap several"])
-def test_killed_commands(name, workplace, script, tmp_path_factory):  # type: ignore[no-untyped-def]
+def test_killed_commands(name, workplace, script, tmp_path_factory):
     """`TEXBAKE_KILLS=100` kills each command that often."""
     make_inputs(workplace)
     inputs = contents(workplace)

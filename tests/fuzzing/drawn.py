@@ -145,5 +145,5 @@ class Drawn:
                 chosen[field.name] = self.flag()
             elif option.low is not None and option.high is not None and float in field.kinds:
                 chosen[field.name] = option.low + (option.high - option.low) * self.below(256) / 255
-        assert {field.name for field in fields(kind)} >= set(names)  # type: ignore[arg-type]
+        assert {field.name for field in fields(kind)} >= set(names)
         return kind(**chosen)

@@ -102,7 +102,7 @@ def _set_length(data: bytearray, rng: np.random.Generator) -> None:
     width = 4 if rng.random() < 0.6 else 8
     order = "little" if rng.random() < 0.7 else "big"
     length = LENGTHS[int(rng.integers(len(LENGTHS)))] % (1 << 8 * width)
-    data[at : at + width] = length.to_bytes(width, order)  # type: ignore[arg-type]
+    data[at : at + width] = length.to_bytes(width, order)
 
 
 def _insert_word(data: bytearray, rng: np.random.Generator) -> None:

@@ -45,9 +45,9 @@ SHADOW = Shadow(size=1024, filter_radius=0.5)
 
 def baked(*objects, lights=(), **more):
     ambient = more.pop("ambient", Ambient())
-    scene = Scene(objects=objects, lighting=Lighting(lights=lights, ambient=ambient))  # type: ignore[arg-type]
+    scene = Scene(objects=objects, lighting=Lighting(lights=lights, ambient=ambient))
     options = {"size": SIZE, "padding": 2} | more
-    return bake_light_maps(scene, BakeOptions(**options)).maps  # type: ignore[arg-type]
+    return bake_light_maps(scene, BakeOptions(**options)).maps
 
 
 def floor_points(size=SIZE):
@@ -254,7 +254,7 @@ def test_overlaps_and_tiles_are_reported():
     assert "its light maps are black; add ambient light" in warnings[0]
 
 
-def test_files_hold_light_beyond_1_or_end_there(tmp_path):  # type: ignore[no-untyped-def]
+def test_files_hold_light_beyond_1_or_end_there(tmp_path):
     (map_,) = baked(FLOOR, lights=(Light(direction=(0, -1, 0), intensity=2.5),), size=8)
     map_.write(tmp_path / "light.exr")
     map_.write(tmp_path / "light.png")

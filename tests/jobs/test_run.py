@@ -292,7 +292,7 @@ def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result):
         ({}, (4, None, None)),
     ],
 )
-def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected):  # type: ignore[no-untyped-def]
+def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected):
     bake = RunOptions(**choices).bake_options()
     assert (bake.samples, bake.max_error, bake.time_budget) == expected
     assert bake.is_adaptive == (expected[0] == "adaptive" or expected[1] is not None)
@@ -307,7 +307,7 @@ def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected):
         ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
     ],
 )
-def test_impossible_options_are_refused_before_the_work(options, message):  # type: ignore[no-untyped-def]
+def test_impossible_options_are_refused_before_the_work(options, message):
     with pytest.raises(OptionError, match=message):
         RunOptions(**options)
 

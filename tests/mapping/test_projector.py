@@ -32,7 +32,7 @@ def lopsided():
 )
 def test_the_camera_stands_where_that_of_a_preview_does(camera, fov):
     mesh = lopsided()
-    options = RenderOptions(view=camera, fov=fov, width=100, height=100)  # type: ignore[arg-type]
+    options = RenderOptions(view=camera, fov=fov, width=100, height=100)
     clip = Camera.framing(mesh, options=options).clip_from_world(1.0)
     points = np.column_stack([mesh.positions, np.ones(mesh.n_vertices)])
     x, y, _, w = (points @ clip.T).T
@@ -227,7 +227,7 @@ def test_a_face_that_the_rays_pass_along_is_turned_away_whatever_its_first_corne
     faces = np.roll([[0, 1, 2]], -first, axis=1).astype(np.int32)
     found = projector(
         Mesh(positions=points, faces=faces),
-        UnwrapOptions(method="projector", matrix=row, unseen="aside"),  # type: ignore[arg-type]
+        UnwrapOptions(method="projector", matrix=row, unseen="aside"),
     )
     assert found.tallies == {"faces turned away": 1}
 

@@ -54,9 +54,9 @@ def test_a_rotation_turns_counter_clockwise_about_the_middle(degrees):
 @pytest.mark.parametrize("size", [1024, (2048, 256)])
 @pytest.mark.parametrize("method", ["planar", "atlas"])
 def test_the_mesh_has_the_requested_texel_density(size, method):
-    options = UnwrapOptions(method=method, size=size, texel_density=90.0)  # type: ignore[arg-type]
+    options = UnwrapOptions(method=method, size=size, texel_density=90.0)
     mesh = plane(4, 4) if method == "planar" else icosphere(2)
-    assert distortion(unwrap(mesh, options), size).texel_density == pytest.approx(90.0, rel=1e-3)  # type: ignore[arg-type]
+    assert distortion(unwrap(mesh, options), size).texel_density == pytest.approx(90.0, rel=1e-3)
 
 
 def test_no_area_has_no_density():
@@ -74,7 +74,7 @@ def test_an_offset_is_added_last():
 GRID = np.stack(np.meshgrid(np.linspace(0, 1, 81), np.linspace(0, 1, 81)), axis=-1).reshape(-1, 2)
 
 
-def jacobians(warp, step=1e-6):  # type: ignore[no-untyped-def]
+def jacobians(warp, step=1e-6):
     """Determinants by central differences."""
     ds, dt = ((warp(GRID + e) - warp(GRID - e)) / (2 * step) for e in step * np.eye(2))
     return ds[:, 0] * dt[:, 1] - ds[:, 1] * dt[:, 0]
@@ -99,7 +99,7 @@ def test_a_bulge_scales_the_middle_and_never_folds(strength):
 
 
 @pytest.mark.parametrize("warp", [lambda p: twirl(p, 200.0), lambda p: bulge(p, -1.0)])
-def test_round_warps_keep_points_outside_bit_for_bit(warp):  # type: ignore[no-untyped-def]
+def test_round_warps_keep_points_outside_bit_for_bit(warp):
     outside = GRID[np.hypot(*(GRID - 0.5).T) >= 0.5]
     assert len(outside) > 1000
     assert np.array_equal(warp(outside), outside)
@@ -137,6 +137,6 @@ def test_a_function_is_called_with_a_copy():
         (lambda p: p * np.nan, "not finite"),
     ],
 )
-def test_a_function_that_returns_something_else_is_one_error(function, message):  # type: ignore[no-untyped-def]
+def test_a_function_that_returns_something_else_is_one_error(function, message):
     with pytest.raises(OptionError, match=message):
         warp_uvs(GRID, function)

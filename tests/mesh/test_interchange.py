@@ -67,7 +67,7 @@ def test_a_scene_is_placed_and_joined():
 )
 def test_objects_other_than_meshes_are_one_error(value):
     with pytest.raises(MeshError):
-        as_mesh(value)  # type: ignore[arg-type]
+        as_mesh(value)
 
 
 def test_a_broken_trimesh_is_one_error():

@@ -105,7 +105,7 @@ def test_light_profiles_are_left_out_where_nothing_asks():
 
 
 def texture_of(pixels, **more):
-    return ImageTexture(image=pixels.astype(np.float32), filter="nearest", **more)  # type: ignore[arg-type]
+    return ImageTexture(image=pixels.astype(np.float32), filter="nearest", **more)
 
 
 SLANTED = projector_matrix(position=(2, 3, 1), target=(0.2, 0, 0.1), fov=30, aspect=1.5)

@@ -29,12 +29,12 @@ SAG = 1.0 - math.cos(math.radians(63.5 / 32 / math.sqrt(3)))
 def floor(half=3.0, n=1, **more):
     """Square of half a side about the origin, facing up."""
     matrix = transform_matrix(scale=2 * half, rotate=(-90, 0, 0), translate=(-half, 0, half))
-    return SceneObject(mesh=plane(n, n), material=WHITE, transform=matrix, name="floor", **more)  # type: ignore[arg-type]
+    return SceneObject(mesh=plane(n, n), material=WHITE, transform=matrix, name="floor", **more)
 
 
 def ball(center, radius, **more):
     matrix = transform_matrix(scale=radius, translate=center)
-    return SceneObject(mesh=SPHERE, material=WHITE, transform=matrix, name="ball", **more)  # type: ignore[arg-type]
+    return SceneObject(mesh=SPHERE, material=WHITE, transform=matrix, name="ball", **more)
 
 
 def quad(*corners):
@@ -43,7 +43,7 @@ def quad(*corners):
 
 def light(kind="directional", size=256, radius=1.5, **more):
     shadow = Shadow(size=size, filter_radius=radius)
-    return Light(kind=kind, decay=0.0, blend=0.0, shadow=shadow, **more)  # type: ignore[arg-type]
+    return Light(kind=kind, decay=0.0, blend=0.0, shadow=shadow, **more)
 
 
 def drawn(*objects, light, camera=ABOVE, options=OPTIONS, threads=None):
@@ -216,7 +216,7 @@ def test_the_filter_is_the_mean_over_its_square(radius):
 def test_the_faces_of_a_point_light_meet_without_a_seam():
     # Balls on edges and corners of the cube, in a great ball that is seen from inside.
     ways = [(1, 1, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1), (1, 0.96, -0.3)]
-    balls = [ball(tuple(1.5 * c for c in way), 0.3) for way in ways]  # type: ignore[arg-type]
+    balls = [ball(tuple(1.5 * c for c in way), 0.3) for way in ways]
     shell = ball((0.0, 0.0, 0.0), 5.0, casts_shadows=False)
     camera = Camera.looking_at(
         (-1.5, -1.4, -1.3), (5, 5, 5), fov=math.radians(110), near=0.001

@@ -197,7 +197,7 @@ def test_wrong_input_is_one_clear_error():
         normal_to_height(np.zeros((2, 2)))
     for wrong in ({"wrap": "mirror"}, {"derivative": "prewitt"}, {"scale": np.nan}, {"width": 0.0}):
         with pytest.raises(OptionError, match=next(iter(wrong))):
-            HeightToNormalOptions(**wrong)  # type: ignore[arg-type]
+            HeightToNormalOptions(**wrong)
     for wrong in ({"wrap": "mirror"}, {"method": "fft"}, {"width": -1.0}):
         with pytest.raises(OptionError, match=next(iter(wrong))):
-            NormalToHeightOptions(**wrong)  # type: ignore[arg-type]
+            NormalToHeightOptions(**wrong)

@@ -124,7 +124,7 @@ def test_wrong_input_is_one_clear_error():
         pack_textures([noise(4, 4)] * 3, PackOptions(size=16, padding=6))
     for wrong in ({"size": 0}, {"padding": -1}, {"edges": "mirror"}):
         with pytest.raises(OptionError, match=next(iter(wrong))):
-            PackOptions(**wrong)  # type: ignore[arg-type]
+            PackOptions(**wrong)
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 5)] * 2, *[st.integers(1, 4)] * 2), max_size=5))

@@ -274,7 +274,7 @@ def test_wrong_input_is_one_clear_error(tmp_path):
         bake_photos(plane(), [])
     for both in ({}, {"camera": FRONT, "mapped": plane()}):
         with pytest.raises(OptionError, match="camera, mapped: give each photograph exactly one"):
-            Photo(image=solid(RED), **both)  # type: ignore[arg-type]
+            Photo(image=solid(RED), **both)
     with pytest.raises(OptionError, match=r"plane.*: it has 4 faces where .* has 2"):
         bake_photos(plane(), [Photo(image=solid(RED), mapped=plane(2, 1).replace(name="plane2"))])
     flat = ((1.0, 0, 0, 0), (1.0, 0, 0, 0), (0, 0, -1.0, 0), (0, 0, 0, 1.0))
@@ -294,7 +294,7 @@ def test_wrong_input_is_one_clear_error(tmp_path):
         {"samples": 2},
     ):
         with pytest.raises(OptionError, match=next(iter(wrong))):
-            PhotoOptions(**wrong)  # type: ignore[arg-type]
+            PhotoOptions(**wrong)
 
 
 def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path):

@@ -109,7 +109,7 @@ def test_wrong_input_is_one_clear_error():
     ):
         name = next(iter(wrong)).replace("parameters", "speed")
         with pytest.raises(OptionError, match=name):
-            SolidOptions(**wrong)  # type: ignore[arg-type]
+            SolidOptions(**wrong)
 
 
 def test_a_mesh_too_small_to_be_scaled_is_refused():
