@@ -3,8 +3,6 @@
 The lines run in a folder with high.ply and low.obj, and the files of `make_inputs`.
 """
 
-from pathlib import Path
-
 import numpy as np
 
 from texbake import write_image
@@ -129,7 +127,7 @@ output = "{asset}_{output}.{ext}"
 """
 
 
-def make_inputs(folder: Path) -> None:
+def make_inputs(folder):
     """Write the inputs of all lines but the meshes high.ply and low.obj."""
     write_image(np.linspace(0, 1, 256).reshape(16, 16, 1), folder / "gray.png", bits=16)
     write_image(np.full((8, 8, 3), 0.5), folder / "rgb.png")
@@ -143,7 +141,7 @@ def make_inputs(folder: Path) -> None:
     (folder / "pipeline.toml").write_text(PIPELINE, encoding="utf-8")
 
 
-def contents(folder: Path) -> dict[str, bytes]:
+def contents(folder):
     """Return the bytes of all files in a folder and below."""
     files = (path for path in sorted(folder.rglob("*")) if path.is_file())
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}

@@ -3,8 +3,6 @@
 python tests/benchmarks/bench_meshes.py remesh | models
 """
 
-from __future__ import annotations
-
 import json
 import resource
 import subprocess
@@ -139,11 +137,11 @@ def models(*names, out="models", faces=0, picture=None):
         sheet(entries).save(picture, optimize=True, quality=85)
 
 
-def name_of(path: Path) -> str:
+def name_of(path):
     return path.parent.name if path.stem == "high" else path.stem
 
 
-def make_asset(path: Path, folder: Path, n_faces: int) -> dict:
+def make_asset(path, folder, n_faces):
     """Run the command, and keep its exit status, time and what it printed."""
     record = folder / "record.json"
     if record.exists():
@@ -173,12 +171,12 @@ def make_asset(path: Path, folder: Path, n_faces: int) -> dict:
     return entry
 
 
-def cells_of(entry: dict) -> list[str]:
+def cells_of(entry):
     head = [entry["name"], f"{entry['triangles']:,}"]
     if "compare" not in entry:
         return [*head, entry["says"]]
 
-    def cell(key: str) -> str:
+    def cell(key):
         figures = entry["compare"].get(key)
         if figures is None:
             return "-"
@@ -193,7 +191,7 @@ def cells_of(entry: dict) -> list[str]:
     return [*head, f"{entry['faces']:,}", *figures, warnings, f"{entry['seconds']:.0f} s"]
 
 
-def panel(picture: Image.Image, index: int) -> Image.Image:
+def panel(picture, index):
     """One of the four panels of a file of pictures, without its caption."""
     width = picture.width // 4
     strip = picture.crop((index * width, 0, (index + 1) * width, picture.height))
@@ -206,7 +204,7 @@ def panel(picture: Image.Image, index: int) -> Image.Image:
     return strip.crop((0, top, width, bottom))
 
 
-def pictures_of(path: Path, folder: Path) -> list[Image.Image]:
+def pictures_of(path, folder):
     """The model and its asset: with their materials if it has images, else as run drew them."""
     mesh = texbake.read_mesh(path)
     materials = texbake.read_materials(path, mesh)
@@ -220,7 +218,7 @@ def pictures_of(path: Path, folder: Path) -> list[Image.Image]:
         return [panel(picture, which).copy() for which in (MODEL, ASSET)]
 
 
-def sheet(entries: list[tuple[dict, Path, Path]]) -> Image.Image:
+def sheet(entries):
     """All models in rows of COLUMNS, each beside its asset."""
     cell = (2 * TILE[0] + 8, TILE[1] + 2 * LINE + 8)
     rows = -(-len(entries) // COLUMNS)

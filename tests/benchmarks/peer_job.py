@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -57,14 +56,14 @@ class Job:
     exact_levels: bool = False
 
     @property
-    def opengl_from_world(self) -> np.ndarray:
+    def opengl_from_world(self):
         """(4, 4): to clip space as OpenGL has it, depth from -w at the near plane to w."""
         matrix = self.clip_from_world.copy()
         matrix[2] = matrix[3] - 2.0 * matrix[2]
         return matrix
 
 
-def read_job(path: Path) -> Job:
+def read_job(path):
     """Read a job; what it does not hold has its default."""
     known = {field.name for field in fields(Job)}
     with np.load(path) as arrays:
@@ -74,7 +73,7 @@ def read_job(path: Path) -> Job:
     )
 
 
-def draw_files(description: str, draw_all: Callable[[list[Path]], Iterable[np.ndarray]]) -> int:
+def draw_files(description, draw_all):
     """Draw the jobs that the command line names; return the exit code."""
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("jobs", nargs="+", type=Path)

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -118,7 +116,7 @@ class Loaded:
     resolved: Any
     pixels: np.ndarray
 
-    def release(self) -> None:
+    def release(self):
         """Give the memory back."""
         for item in self.vertices, self.drawn, self.resolved, *self.textures:
             item.release()
@@ -137,9 +135,7 @@ class Llvmpipe:
         Pictures are 8-bit sRGB, as on a screen, not linear float32.
     """
 
-    def __init__(
-        self, threads: int | None = None, *, exact: bool = False, codes: bool = False
-    ) -> None:
+    def __init__(self, threads=None, *, exact=False, codes=False):
         # Mesa reads these when it is loaded.
         os.environ["LIBGL_ALWAYS_SOFTWARE"] = "1"
         os.environ["GALLIUM_DRIVER"] = "llvmpipe"
@@ -163,7 +159,7 @@ class Llvmpipe:
         self._context.enable_direct(_FRAMEBUFFER_SRGB)
         self._programs: dict[str, Any] = {}
 
-    def load(self, job: Job) -> Loaded:
+    def load(self, job):
         """Hand over a job's arrays and images, mip levels made; a shader is compiled once."""
         program = self._program(job)
         columns = {"in_position": job.positions, "in_normal": job.normals}
@@ -185,7 +181,7 @@ class Llvmpipe:
             drawn = self._target(job, job.samples)
         return Loaded(job, program, vertices, textures, drawn, resolved, pixels)
 
-    def draw(self, loaded: Loaded) -> np.ndarray:
+    def draw(self, loaded):
         """Draw, and read back (H, W, 4), row 0 at the bottom, until the next picture of the job."""
         job, program = loaded.job, loaded.program
         matrix = job.opengl_from_world.T  # OpenGL's matrices go down their columns
@@ -204,10 +200,10 @@ class Llvmpipe:
         loaded.resolved.read_into(loaded.pixels, components=4, dtype="f1" if self.codes else "f4")
         return loaded.pixels
 
-    def _buffer(self, values: np.ndarray, dtype: type) -> Any:
+    def _buffer(self, values, dtype):
         return self._context.buffer(np.ascontiguousarray(values, dtype))
 
-    def _program(self, job: Job) -> Any:
+    def _program(self, job):
         """The shader of a job's features, compiled when it is first asked for."""
         words = {
             "LIT": job.shading != "unlit",
@@ -224,7 +220,7 @@ class Llvmpipe:
             )
         return self._programs[head]
 
-    def _texture(self, image: np.ndarray, job: Job, is_color: bool) -> Any:
+    def _texture(self, image, job, is_color):
         import moderngl
 
         height, width, n_channels = image.shape
@@ -247,7 +243,7 @@ class Llvmpipe:
             ) * 2
         return texture
 
-    def _target(self, job: Job, samples: int) -> Any:
+    def _target(self, job, samples):
         size = job.width, job.height
         if self.codes:
             color = self._context.texture(size, 4, samples=samples, internal_format=_SRGB8_ALPHA8)
@@ -257,7 +253,7 @@ class Llvmpipe:
         return self._context.framebuffer(color, depth)
 
 
-def draw_all(paths: list[Path]) -> Iterator[np.ndarray]:
+def draw_all(paths):
     """Draw jobs one after another."""
     renderer = Llvmpipe(exact=True)
     for path in paths:

@@ -12,7 +12,6 @@ import subprocess
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scene_gltf import UnwritableError, write_scene
@@ -47,13 +46,13 @@ class Case:
     center: np.ndarray
     radius: float
 
-    def ours(self, supersampling: int) -> np.ndarray:
+    def ours(self, supersampling):
         """(H, W, 4) float32 linear, with the coverage last."""
         options = replace(self.options, supersampling=supersampling)
         frame = draw(prepare(self.scene, options), self.camera)
         return np.concatenate([frame.color[..., :3], frame.coverage[..., None]], axis=2)
 
-    def job(self, **more: Any) -> dict[str, Any]:
+    def job(self, **more):
         camera = self.camera
         placed = np.eye(4)
         placed[:3, :3], placed[:3, 3] = camera.axes.T, camera.eye
@@ -71,7 +70,7 @@ class Case:
         }  # fmt: skip
 
 
-def light_of(light: Light) -> dict[str, Any]:
+def light_of(light):
     """Return a light as the other programs' scripts take it."""
     return {
         "kind": light.kind, "color": [light.intensity * c for c in light.color],
@@ -81,7 +80,7 @@ def light_of(light: Light) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def sample_case(path: Path, folder: Path) -> Case:
+def sample_case(path, folder):
     """Return a scene of the samples under its own lights alone; raises `UnwritableError`."""
     scene, options = open_preview(path)
     if path.stem in LEFT_OUT or scene.lighting.environment is not None:
@@ -97,14 +96,14 @@ def sample_case(path: Path, folder: Path) -> Case:
     return case_of(path.stem, scene, options, folder / f"{path.stem}.glb")
 
 
-def model_case(path: Path) -> Case:
+def model_case(path):
     """Return a model, framed whole, under one light."""
     scene = replace(read_scene(path), view=None, lighting=Lighting(lights=(LIGHT,)))
     options = RenderOptions(width=WIDTH, height=HEIGHT, background=None)
     return case_of(path.stem, scene, options, path)
 
 
-def case_of(name: str, scene: Scene, options: RenderOptions, file: Path) -> Case:
+def case_of(name, scene, options, file):
     camera = camera_of(scene, options)
     view = scene.view
     if view is None or view.target is None:
@@ -116,7 +115,7 @@ def case_of(name: str, scene: Scene, options: RenderOptions, file: Path) -> Case
     return Case(name, scene, options, camera, file, center, radius)
 
 
-def by_threejs(cases: list[Case], folder: Path, *, plain: bool = False) -> list[np.ndarray]:
+def by_threejs(cases, folder, *, plain=False):
     jobs = [folder / f"three_{k}.json" for k in range(len(cases))]
     for case, job in zip(cases, jobs, strict=True):
         job.write_text(json.dumps(case.job(plain=plain)))
@@ -125,7 +124,7 @@ def by_threejs(cases: list[Case], folder: Path, *, plain: bool = False) -> list[
     return [np.load(job.with_suffix(".npy")) for job in jobs]
 
 
-def by_blender(cases: list[Case], folder: Path, engine: str) -> list[np.ndarray | None]:
+def by_blender(cases, folder, engine):
     """Pictures of all cases; None where Blender has no such light."""
     known = [
         case
@@ -136,7 +135,7 @@ def by_blender(cases: list[Case], folder: Path, engine: str) -> list[np.ndarray 
     return [found.get(case) for case in cases]
 
 
-def _by_blender(cases: list[Case], folder: Path, engine: str) -> list[np.ndarray]:
+def _by_blender(cases, folder, engine):
     pictures = [folder / f"{engine}_{k}.exr" for k in range(len(cases))]
     jobs = [picture.with_suffix(".json") for picture in pictures]
     for case, job, picture in zip(cases, jobs, pictures, strict=True):
@@ -148,7 +147,7 @@ def _by_blender(cases: list[Case], folder: Path, engine: str) -> list[np.ndarray
     return [read_image(picture, color=True).pixels for picture in pictures]
 
 
-def alike(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float]:
+def alike(ours, theirs):
     """PSNR in dB inside both outlines, and the share of pixels that only one covers, in percent."""
     whole = (ours[..., 3] > 0.99) & (theirs[..., 3] > 0.99)
     padded = np.pad(whole, 1)
@@ -161,9 +160,7 @@ def alike(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float]:
     return float(10.0 * np.log10(255.0**2 / max(error, 1e-4))), 100.0 * float(outline)
 
 
-def collected(
-    names: list[str], models: Path | None, folder: Path
-) -> tuple[list[Case], dict[str, str]]:
+def collected(names, models, folder):
     cases, refused = [], {}
     for path in sorted(SCENES.glob("*.toml")):
         if names and path.stem not in names:

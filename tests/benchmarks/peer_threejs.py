@@ -24,10 +24,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from peer_job import UnavailableError, draw_files, read_job
@@ -50,7 +48,7 @@ FLAGS = [
 TYPES = {".js": "text/javascript", ".html": "text/html; charset=utf-8"}
 
 
-def find_chromium() -> str:
+def find_chromium():
     """Path of Chromium or Chrome."""
     for name in "chromium", "chromium-browser", "google-chrome":
         if path := shutil.which(name):
@@ -58,7 +56,7 @@ def find_chromium() -> str:
     raise UnavailableError("Chromium is not installed")
 
 
-def find_threejs() -> Path:
+def find_threejs():
     """Folder of three.js."""
     named = [os.environ.get(name, "") for name in ("NODE_PATH", "TEXBAKE_NODE_MODULES")]
     folders = [Path(part) for value in named for part in value.split(os.pathsep) if part]
@@ -71,11 +69,11 @@ def find_threejs() -> Path:
     )
 
 
-def _base64(values: np.ndarray, dtype: type) -> str:
+def _base64(values, dtype):
     return base64.b64encode(np.ascontiguousarray(values, dtype)).decode("ascii")
 
 
-def _image(image: np.ndarray | None) -> dict[str, Any] | None:
+def _image(image):
     if image is None:
         return None
     assert image.dtype == np.uint8, "the page takes 8-bit images"
@@ -85,7 +83,7 @@ def _image(image: np.ndarray | None) -> dict[str, Any] | None:
     return {"width": width, "height": height, "rgba": _base64(rgba, np.uint8)}
 
 
-def job_of(path: Path) -> dict[str, Any]:
+def job_of(path):
     """A job as the page takes it; matrices go along their rows."""
     if path.suffix == ".json":
         return json.loads(path.read_text())
@@ -118,13 +116,13 @@ def job_of(path: Path) -> dict[str, Any]:
 class Desk(ThreadingHTTPServer):
     """Hands out jobs and takes pictures: `answers` gets (place, bytes), or (None, why not)."""
 
-    def __init__(self, jobs: list[dict[str, Any]], modules: Path) -> None:
+    def __init__(self, jobs, modules):
         super().__init__(("127.0.0.1", 0), _Handler)
         self.jobs = jobs
         self.modules = modules
         self.answers: queue.Queue[tuple[int | None, bytes]] = queue.Queue()
 
-    def content(self, path: str) -> tuple[str, bytes] | None:
+    def content(self, path):
         """Type and bytes of what stands at a path; None where there is nothing."""
         if path == "/jobs":
             start = {"n_jobs": len(self.jobs), "plain": self.jobs[0].get("plain", False)}
@@ -143,28 +141,28 @@ class Desk(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     server: Desk
 
-    def do_GET(self) -> None:
+    def do_GET(self):
         found = self.server.content(self.path)
         self._answer(200 if found else 404, *(found or ("text/plain", b"")))
 
-    def do_POST(self) -> None:
+    def do_POST(self):
         body = self.rfile.read(int(self.headers["Content-Length"]))
         place = self.path.rpartition("/")[2]
         self.server.answers.put((int(place) if place.isdigit() else None, body))
         self._answer(200, "text/plain", b"")
 
-    def _answer(self, code: int, kind: str, content: bytes) -> None:
+    def _answer(self, code, kind, content):
         self.send_response(code)
         self.send_header("Content-Type", kind)
         self.send_header("Content-Length", str(len(content)))
         self.end_headers()
         self.wfile.write(content)
 
-    def log_message(self, *_: object) -> None:
+    def log_message(self, *_):
         """Say nothing."""
 
 
-def draw_all(paths: list[Path]) -> Iterator[np.ndarray]:
+def draw_all(paths):
     """Draw jobs one after another, in one page."""
     from texbake.texture.encoding import decode_srgb
 

@@ -18,7 +18,7 @@ from PIL import Image as Picture
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents
 from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, apply_mapping, place_mesh
+from texbake.rendering.scene.scene import apply_mapping, place_mesh
 from texbake.rendering.scene.textures import ImageTexture
 
 # Other programs choose by settings of their own how they filter along a slope.
@@ -40,23 +40,23 @@ class UnwritableError(Exception):
 class Writer:
     """A file that grows: `json`, and the bytes of its one buffer."""
 
-    def __init__(self) -> None:
+    def __init__(self):
         self.json: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0}
         self.bytes = bytearray()
 
-    def add(self, kind: str, item: dict[str, Any]) -> int:
+    def add(self, kind, item):
         items = self.json.setdefault(kind, [])
         if item not in items:
             items.append(item)
         return items.index(item)
 
-    def view(self, data: bytes) -> int:
+    def view(self, data):
         self.bytes += b"\0" * (-len(self.bytes) % 4)
         place = {"buffer": 0, "byteOffset": len(self.bytes), "byteLength": len(data)}
         self.bytes += data
         return self.add("bufferViews", place)
 
-    def rows(self, values: np.ndarray) -> int:
+    def rows(self, values):
         values = np.ascontiguousarray(values, np.float32)
         item = {
             "bufferView": self.view(values.tobytes()), "componentType": 5126, "count": len(values),
@@ -65,7 +65,7 @@ class Writer:
         }  # fmt: skip
         return self.add("accessors", item)
 
-    def texture(self, pixels: np.ndarray, texture: ImageTexture, uvs: np.ndarray) -> dict[str, int]:
+    def texture(self, pixels, texture, uvs):
         """Add (H, W, C) uint8 pixels, looked up as a texture is at (n, 2) coordinates."""
         if texture.filter not in FILTERS:
             raise UnwritableError(f"filter {texture.filter}")
@@ -85,7 +85,7 @@ class Writer:
         source = {"source": self.add("images", image), "sampler": self.add("samplers", sampler)}
         return {"index": self.add("textures", source)}
 
-    def write(self, path: Path) -> None:
+    def write(self, path):
         self.bytes += b"\0" * (-len(self.bytes) % 4)
         self.json["buffers"] = [{"byteLength": len(self.bytes)}]
         text = json.dumps(self.json).encode()
@@ -99,7 +99,7 @@ class Writer:
         )
 
 
-def write_scene(scene: Scene, path: Path) -> None:
+def write_scene(scene, path):
     """Write the visible objects of a scene; raises `UnwritableError`."""
     file = Writer()
     nodes = [
@@ -114,7 +114,7 @@ def write_scene(scene: Scene, path: Path) -> None:
     file.write(path)
 
 
-def _mesh(file: Writer, item: SceneObject) -> int:
+def _mesh(file, item):
     mesh, material = place_mesh(apply_mapping(item)), item.material
     normals, corners = shading_normals(mesh)
     attributes = {
@@ -137,18 +137,18 @@ def _mesh(file: Writer, item: SceneObject) -> int:
     return file.add("meshes", {"primitives": [primitive]})
 
 
-def _image_of(slot: Any) -> ImageTexture | None:
+def _image_of(slot):
     slot = getattr(slot, "texture", slot)
     return slot if isinstance(slot, ImageTexture) else None
 
 
-def _turned(uvs: np.ndarray, texture: ImageTexture) -> np.ndarray:
+def _turned(uvs, texture):
     turn = np.radians(texture.rotate)
     matrix = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
     return uvs * texture.scale @ matrix.T + texture.offset
 
 
-def _material(file: Writer, material: Material, uvs: np.ndarray) -> int:
+def _material(file, material, uvs):
     for name, words in FOREIGN.items():
         if getattr(material, name) is not None:
             raise UnwritableError(words)
@@ -191,7 +191,7 @@ def _material(file: Writer, material: Material, uvs: np.ndarray) -> int:
     return file.add("materials", content)
 
 
-def _add_color(file: Writer, material: Material, uvs: np.ndarray, content: dict[str, Any]) -> None:
+def _add_color(file, material, uvs, content):
     color, opacity = material.base_color, material.opacity
     pbr = content["pbrMetallicRoughness"]
     alpha = opacity if isinstance(opacity, float | int) else 1.0
@@ -215,7 +215,7 @@ def _add_color(file: Writer, material: Material, uvs: np.ndarray, content: dict[
             content["alphaCutoff"] = material.alpha_cutoff
 
 
-def _add_reflection(file: Writer, material: Material, uvs: np.ndarray, pbr: dict[str, Any]) -> None:
+def _add_reflection(file, material, uvs, pbr):
     slots = {"roughness": material.roughness, "metalness": material.metalness}
     images = {name: _image_of(slot) for name, slot in slots.items()}
     factors = {}
@@ -239,13 +239,7 @@ def _add_reflection(file: Writer, material: Material, uvs: np.ndarray, pbr: dict
     }
 
 
-def _add_emission(
-    file: Writer,
-    material: Material,
-    uvs: np.ndarray,
-    content: dict[str, Any],
-    extensions: dict[str, Any],
-) -> None:
+def _add_emission(file, material, uvs, content, extensions):
     image = _image_of(material.emission)
     factor = np.broadcast_to(material.emission if image is None else image.factor, 3)
     strength = max(1.0, float(np.max(factor)))
@@ -256,7 +250,7 @@ def _add_emission(
         content["emissiveTexture"] = file.texture(_pixels(image)[..., :3], image, uvs)
 
 
-def _pixels(texture: ImageTexture) -> np.ndarray:
+def _pixels(texture):
     """(H, W, C) uint8 of an image file, as it is."""
     if not isinstance(texture.image, str | Path):
         raise UnwritableError("image without a file")

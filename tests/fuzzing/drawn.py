@@ -6,11 +6,8 @@ there twice, images of one texel. A target of the fuzzer takes a `Drawn` and cal
 its bytes are used up, it gives zeros.
 """
 
-from __future__ import annotations
-
-from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -33,35 +30,35 @@ _SOLIDS = (cube, lambda: icosphere(1), lambda: uv_sphere(4, 6), lambda: grid_sph
 class Drawn:
     """Values drawn from bytes, one after another."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data):
         self._data = data
         self._at = 0
 
-    def bytes(self, n: int) -> bytes:
+    def bytes(self, n):
         """Return the next bytes, with zeros after the last."""
         taken = self._data[self._at : self._at + n]
         self._at += n
         return taken.ljust(n, b"\0")
 
-    def below(self, n: int) -> int:
+    def below(self, n):
         """Return a number from 0 to n - 1."""
         return int.from_bytes(self.bytes(1 if n <= 256 else 4), "little") % n
 
-    def flag(self) -> bool:
+    def flag(self):
         return self.below(2) == 1
 
-    def rarely(self, n: int) -> bool:
+    def rarely(self, n):
         """Return whether a number below n is its last: never where the bytes are used up."""
         return self.below(n) == n - 1
 
-    def pick(self, values: Sequence[T]) -> T:
+    def pick(self, values):
         return values[self.below(len(values))]
 
-    def rng(self) -> np.random.Generator:
+    def rng(self):
         """Return a generator of random numbers, for values that are too many for the bytes."""
         return np.random.default_rng(int.from_bytes(self.bytes(4), "little"))
 
-    def floats(self, *shape: int, extreme: bool = True) -> Floats:
+    def floats(self, *shape, extreme=True):
         """Return finite numbers: of a small grid, or of any size."""
         n = int(np.prod(shape))
         form = self.below(16 if extreme else 12)
@@ -80,12 +77,12 @@ class Drawn:
             values = codes % 4 + (codes // 4 % 8 - 3.0) * 2.0 ** -int(10 + self.below(43))
         return values.reshape(shape)
 
-    def singles(self, *shape: int) -> npt.NDArray[np.float32]:
+    def singles(self, *shape):
         """Return finite numbers that float32 holds."""
         most = np.finfo(np.float32).max
         return self.floats(*shape).clip(-most, most).astype(np.float32)
 
-    def mesh(self, *, most: int = 12, uvs: bool | None = None, extreme: bool = True) -> Mesh:
+    def mesh(self, *, most=12, uvs=None, extreme=True):
         """Return a mesh of few faces, of a whole shape or of any triangles."""
         if self.rarely(4):
             mesh = self.pick(_SOLIDS)()
@@ -106,7 +103,7 @@ class Drawn:
             mesh = mesh.replace(uvs=None, uv_faces=None)
         return self._with_attributes(mesh)
 
-    def _with_attributes(self, mesh: Mesh) -> Mesh:
+    def _with_attributes(self, mesh):
         if self.flag():
             n = 1 + self.below(8)
             normals = self.floats(n, 3, extreme=False) - 0.5
@@ -117,12 +114,12 @@ class Drawn:
             mesh = mesh.replace(colors=colors, face_groups=groups, group_names=("a", "b"))
         return mesh
 
-    def indices(self, n: int, *shape: int) -> npt.NDArray[np.int32]:
+    def indices(self, n, *shape):
         """Return numbers from 0 to n - 1."""
         codes = np.frombuffer(self.bytes(int(np.prod(shape))), np.uint8)
         return (codes % n).astype(np.int32).reshape(shape)
 
-    def image(self, *, most: int = 9, channels: Sequence[int] = (1, 2, 3, 4)) -> Any:
+    def image(self, *, most=9, channels=(1, 2, 3, 4)):
         """Return (h, w, c) float32 of any values, not all of them finite."""
         height, width, n = 1 + self.below(most), 1 + self.below(most), self.pick(channels)
         image = self.singles(height, width, n)
@@ -130,7 +127,7 @@ class Drawn:
             image[self.below(height), self.below(width)] = self.pick((np.nan, np.inf, -np.inf))
         return image
 
-    def options(self, kind: type[T], *names: str, **given: Any) -> T:
+    def options(self, kind, *names, **given):
         """Return options of a class; those that are named take any of their values."""
         chosen = dict(given)
         for field in option_fields(kind):

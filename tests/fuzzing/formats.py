@@ -27,7 +27,7 @@ Maker = Callable[[Path], None]
 Reader = Callable[[Path], Any]
 
 
-def _mesh_seed(path: Path) -> None:
+def _mesh_seed(path):
     from texbake import write_mesh
     from texbake.mesh.shapes import uv_sphere
     from texbake.mesh.tangents import corner_tangents
@@ -37,8 +37,8 @@ def _mesh_seed(path: Path) -> None:
     write_mesh(ball.replace(tangents=corner_tangents(ball)), path)
 
 
-def _trimesh_seed(**options: str) -> Maker:
-    def make(path: Path) -> None:
+def _trimesh_seed(**options):
+    def make(path):
         import trimesh
 
         trimesh.creation.box().export(path, **options)
@@ -46,7 +46,7 @@ def _trimesh_seed(**options: str) -> Maker:
     return make
 
 
-def _gltf_seed(path: Path) -> None:
+def _gltf_seed(path):
     """JSON with its buffer inside, from the chunks of a GLB file."""
     from texbake import write_mesh
     from texbake.mesh.shapes import uv_sphere
@@ -56,7 +56,7 @@ def _gltf_seed(path: Path) -> None:
     _unpacked(whole, path)
 
 
-def _unpacked(whole: Path, path: Path) -> None:
+def _unpacked(whole, path):
     from glb import read_glb
 
     document, data = read_glb(whole)
@@ -65,8 +65,8 @@ def _unpacked(whole: Path, path: Path) -> None:
     path.write_text(json.dumps(document))
 
 
-def _fbx_seed(version: int, form: str) -> Maker:
-    def make(path: Path) -> None:
+def _fbx_seed(version, form):
+    def make(path):
         from fbx_writer import rich_scene, written
 
         path.write_bytes(written(rich_scene(version), version, form))
@@ -74,10 +74,10 @@ def _fbx_seed(version: int, form: str) -> Maker:
     return make
 
 
-def _layered_fbx_seed(form: str) -> Maker:
+def _layered_fbx_seed(form):
     """FBX without normals, with smoothing by edge, two sets of texture coordinates, a texture."""
 
-    def make(path: Path) -> None:
+    def make(path):
         from fbx_writer import layer, properties, scene, written
 
         smoothing = layer(
@@ -95,7 +95,7 @@ def _layered_fbx_seed(form: str) -> Maker:
     return make
 
 
-def _tristrips_seed(path: Path) -> None:
+def _tristrips_seed(path):
     from texbake.mesh.shapes import uv_sphere
 
     positions = uv_sphere(4, 6).positions.astype("<f4")
@@ -123,7 +123,7 @@ map_Ke missing image.png
 """
 
 
-def _mtl_seed(path: Path) -> None:
+def _mtl_seed(path):
     faces = "usemtl red\nf 1 2 3\nusemtl blue\nf 1/1 3/1 2/1\n"
     for name in "seed", "mutant":
         text = f"mtllib {name}.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n{faces}"
@@ -131,10 +131,10 @@ def _mtl_seed(path: Path) -> None:
     path.write_text(MTL)
 
 
-def _materials_seed(suffix: str) -> Maker:
+def _materials_seed(suffix):
     """A mesh with a texture for each channel."""
 
-    def make(path: Path) -> None:
+    def make(path):
         from texbake import write_image, write_mesh
         from texbake.mesh.shapes import uv_sphere
 
@@ -148,8 +148,8 @@ def _materials_seed(suffix: str) -> Maker:
     return make
 
 
-def _image_seed(channels: int, bits: int) -> Maker:
-    def make(path: Path) -> None:
+def _image_seed(channels, bits):
+    def make(path):
         from texbake import write_image
 
         values = np.random.default_rng(1).random((48, 40, channels)).astype(np.float32)
@@ -158,7 +158,7 @@ def _image_seed(channels: int, bits: int) -> Maker:
     return make
 
 
-def _hits_seed(path: Path) -> None:
+def _hits_seed(path):
     from texbake import BakeOptions, bake
     from texbake.baking.hits_file import write_hits
     from texbake.mesh.shapes import uv_sphere
@@ -167,7 +167,7 @@ def _hits_seed(path: Path) -> None:
     write_hits(bake(ball, ball, BakeOptions(size=8, keep_hits=True)), path)
 
 
-def _text_seed(text: str) -> Maker:
+def _text_seed(text):
     return lambda path: path.write_text(text) and None
 
 
@@ -251,7 +251,7 @@ PATCHES = "\n".join(
 )
 
 
-def _by(module: str, name: str) -> Reader:
+def _by(module, name):
     """Return a function that is loaded when a file is read."""
     return lambda path: getattr(import_module(module), name)(path)
 
@@ -260,7 +260,7 @@ _read_mesh = _by("texbake", "read_mesh")
 _read_scene = _by("texbake", "read_scene")
 
 
-def _read_all(path: Path) -> Any:
+def _read_all(path):
     """Read a mesh with its materials and what else its file says."""
     from texbake import read_mesh
     from texbake.mesh.files.contents import read_contents
@@ -270,17 +270,17 @@ def _read_all(path: Path) -> Any:
     return read_materials(path, read_mesh(path))
 
 
-def _read_mtl(path: Path) -> Any:
+def _read_mtl(path):
     return _read_all(path.with_suffix(".obj"))
 
 
-def _read_image(path: Path) -> Any:
+def _read_image(path):
     from texbake import read_image
 
     return read_image(path, color=True)
 
 
-def _read_hits(path: Path) -> Any:
+def _read_hits(path):
     from texbake import BakeOptions
     from texbake.baking.bake import remap_hits
     from texbake.baking.hits_file import read_hits
@@ -292,7 +292,7 @@ def _read_hits(path: Path) -> Any:
 _read_matrix = _by("texbake.mapping.classical.projector", "read_matrix")
 
 
-def _read_seams(path: Path) -> Any:
+def _read_seams(path):
     from texbake.mapping.marked_seams import read_seams
     from texbake.mesh.shapes import cube
 
@@ -372,15 +372,15 @@ UNREACHED = {
 }
 
 
-def _seed(name: str) -> Maker:
-    def make(path: Path) -> None:
+def _seed(name):
+    def make(path):
         path.write_bytes(np.random.default_rng([*name.encode()]).bytes(SEED_BYTES))
 
     return make
 
 
-def _target(module: str, name: str) -> Reader:
-    def read(path: Path) -> Any:
+def _target(module, name):
+    def read(path):
         from drawn import Drawn
 
         getattr(import_module(module), name)(Drawn(path.read_bytes()))
@@ -396,7 +396,7 @@ TARGETS: dict[str, tuple[str, Maker, Reader]] = {
 READ = FORMATS | TARGETS
 
 
-def unreached() -> set[str]:
+def unreached():
     """Return the functions of the core that have not been called in this process."""
     from texbake.core import core
 

@@ -31,7 +31,6 @@ import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -57,7 +56,7 @@ SANITIZERS = {
 _REASON = re.compile(r"SUMMARY: .*|.*: runtime error: .*|Fatal Python error: .*")
 
 
-def fuzz(name: str, options: argparse.Namespace) -> None:
+def fuzz(name, options):
     """Read inputs that libFuzzer makes, until its flags say that it is enough; in the child."""
     import atheris
     from mutants import changed
@@ -73,7 +72,7 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
     with (home / COUNT).open("r+b") as file:
         count = mmap.mmap(file.fileno(), 8)
 
-    def read_one(data: bytes) -> None:
+    def read_one(data):
         count[:] = struct.pack("<q", struct.unpack("<q", count)[0] + 1)
         candidate.write_bytes(data)
         start = time.process_time()
@@ -84,8 +83,8 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
         elif fault is not None:
             keep(data, fault, name, options.findings)
 
-    def mutate(data: bytes, longest: int, seed: int) -> bytes:
-        def change(piece: bytes) -> bytes:
+    def mutate(data, longest, seed):
+        def change(piece):
             return bytes(atheris.Mutate(piece, len(piece) + 64))
 
         return changed(data, change, np.random.default_rng(seed))[:longest]
@@ -95,7 +94,7 @@ def fuzz(name: str, options: argparse.Namespace) -> None:
         atheris.Fuzz()
 
 
-def keep(data: bytes, fault: str, name: str, findings: Path) -> None:
+def keep(data, fault, name, findings):
     """Keep an input at fault, unless one with the same fault is there already."""
     # One input for each place in the code.
     place = short_hash(fault.rpartition(" at ")[2].encode())
@@ -107,7 +106,7 @@ def keep(data: bytes, fault: str, name: str, findings: Path) -> None:
     stem.with_suffix(".txt").write_text(fault + "\n")
 
 
-def child(name: str, home: Path, options: argparse.Namespace, flags: list[str]) -> int:
+def child(name, home, options, flags):
     """Let a child run libFuzzer with these flags; return how it ended."""
     command = [sys.executable, __file__, name, "--child", "--home", str(home)]
     command += ["--findings", str(options.findings)]
@@ -122,7 +121,7 @@ def child(name: str, home: Path, options: argparse.Namespace, flags: list[str]) 
         ).returncode
 
 
-def environment(core: Path | None) -> dict[str, str]:
+def environment(core):
     """Variables with which a child loads a core whose branches are counted, its sanitizer first."""
     if core is None:
         return dict(os.environ)
@@ -133,16 +132,16 @@ def environment(core: Path | None) -> dict[str, str]:
     return os.environ | SANITIZERS | {"LD_PRELOAD": str(runtime), "TEXBAKE_CORE": str(core)}
 
 
-def n_read(home: Path) -> int:
+def n_read(home):
     return int(struct.unpack("<q", (home / COUNT).read_bytes())[0])
 
 
-def faults_of(name: str, findings: Path) -> list[str]:
+def faults_of(name, findings):
     found = findings.glob(f"{name.replace(' ', '_')}-{'?' * 12}.txt")
     return [path.read_text().strip() for path in sorted(found)]
 
 
-def take_artifacts(name: str, home: Path, options: argparse.Namespace, code: int) -> int:
+def take_artifacts(name, home, options, code):
     """Move inputs that ended a child to the findings, slow ones if again; return how many."""
     found = [each for each in home.iterdir() if each.name.startswith(("crash", "timeout", "oom"))]
     reasons = _REASON.findall((home / "log").read_text(errors="replace"))
@@ -157,7 +156,7 @@ def take_artifacts(name: str, home: Path, options: argparse.Namespace, code: int
     return len(found)
 
 
-def read_again(name: str, path: Path, home: Path) -> str | None:
+def read_again(name, path, home):
     """Read an input in a process of its own, by the core as it is; say if it takes too long."""
     copy = home / f"again{READ[name][0]}"
     shutil.copy(path, copy)
@@ -171,7 +170,7 @@ def read_again(name: str, path: Path, home: Path) -> str | None:
     return f"it takes too long: {lines[0]}"
 
 
-def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
+def run_format(name, options):
     """Fuzz one format in children, a new one after each that an input ends; in the parent."""
     start = time.monotonic()
     with tempfile.TemporaryDirectory(dir=options.scratch) as scratch:
@@ -213,7 +212,7 @@ def run_format(name: str, options: argparse.Namespace) -> dict[str, Any]:
         }
 
 
-def minimize(name: str, options: argparse.Namespace) -> dict[str, Any]:
+def minimize(name, options):
     """Make the repository's corpus of a format from the folder of inputs."""
     with tempfile.TemporaryDirectory(dir=options.scratch) as scratch:
         home = Path(scratch)
@@ -238,7 +237,7 @@ def minimize(name: str, options: argparse.Namespace) -> dict[str, Any]:
                 **take_chosen(name, chosen, {path.name for path in slow.iterdir()})}  # fmt: skip
 
 
-def take_chosen(name: str, chosen: Path, slow: set[str]) -> dict[str, int]:
+def take_chosen(name, chosen, slow):
     """Make the corpus of a format from the chosen inputs: the smallest, as many as it may have."""
     target = folder_of(name)
     shutil.rmtree(target, ignore_errors=True)
@@ -254,11 +253,11 @@ def take_chosen(name: str, chosen: Path, slow: set[str]) -> dict[str, int]:
     return {"chosen": len(inputs), "kept": n_kept, "bytes": n_bytes}
 
 
-def short_hash(data: bytes) -> str:
+def short_hash(data):
     return hashlib.sha256(data).hexdigest()[:12]
 
 
-def parsed() -> argparse.Namespace:
+def parsed():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("formats", nargs="*", help=", ".join(READ))
     parser.add_argument("--core", type=Path, help="a core with counted branches")
@@ -283,7 +282,7 @@ def parsed() -> argparse.Namespace:
     return options
 
 
-def main() -> int:
+def main():
     """Fuzz or minimize the formats that are named; return 1 if anything is at fault."""
     options = parsed()
     if options.child:

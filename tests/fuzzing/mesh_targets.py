@@ -11,7 +11,6 @@ from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
-from drawn import Drawn
 
 import texbake as tb
 from texbake.baking.bake import remap_hits
@@ -43,17 +42,17 @@ WRAPS = ("repeat", "mirror", "clamp")
 SIZES = (1, 2, 7, 16, 33, 64)
 
 
-def require_finite(*arrays: object) -> None:
+def require_finite(*arrays):
     for values in arrays:
         assert np.isfinite(values).all()
 
 
-def require_unit(vectors: np.ndarray, *, or_zero: bool = False) -> None:
+def require_unit(vectors, *, or_zero=False):
     lengths = np.linalg.norm(vectors.astype(np.float64), axis=-1)
     assert ((np.abs(lengths - 1.0) < 2e-7) | (or_zero & (lengths == 0.0))).all()
 
 
-def files(drawn: Drawn) -> None:
+def files(drawn):
     """A mesh written and read again, bit for bit, or to a rounding of float32."""
     mesh, suffix = drawn.mesh(most=20), drawn.pick(("obj", "ply", "off", "stl", "glb"))
     with tempfile.TemporaryDirectory() as folder:
@@ -67,7 +66,7 @@ def files(drawn: Drawn) -> None:
         assert np.array_equal(back.corner_uvs(), mesh.corner_uvs())
 
 
-def surface(drawn: Drawn) -> None:
+def surface(drawn):
     """Normals, curvatures, tangents and topology; rows that are equal."""
     mesh = drawn.mesh(most=40)
     for normals in face_normals(mesh), smooth_normals(mesh):
@@ -79,7 +78,7 @@ def surface(drawn: Drawn) -> None:
     weld_rows(drawn.floats(1 + drawn.below(40), 1 + drawn.below(4)))
 
 
-def repair(drawn: Drawn) -> None:
+def repair(drawn):
     mesh = drawn.mesh(most=40)
     names = ("merge", "degenerate", "duplicates", "winding", "coordinates")
     whole, _ = tb.repair(mesh, drawn.options(tb.RepairOptions, *names))
@@ -88,7 +87,7 @@ def repair(drawn: Drawn) -> None:
         oriented(mesh, "auto", keep_open=drawn.flag())
 
 
-def simplify(drawn: Drawn) -> None:
+def simplify(drawn):
     mesh = drawn.mesh(most=60)
     quality, seams = drawn.pick(("fast", "best")), drawn.pick(("auto", "keep", "drop"))
     error = drawn.pick((*[None] * 31, "1%", "20%"))  # a search takes a second
@@ -98,7 +97,7 @@ def simplify(drawn: Drawn) -> None:
     assert low.n_faces <= mesh.n_faces
 
 
-def pieces(drawn: Drawn) -> None:
+def pieces(drawn):
     """Pieces of a large mesh, reduced each for itself; here they are small ones."""
     mesh = drawn.mesh(most=100)
     with (
@@ -108,7 +107,7 @@ def pieces(drawn: Drawn) -> None:
         tb.simplify(mesh, 4, quality=drawn.pick(("fast", "best")))
 
 
-def parts(drawn: Drawn) -> None:
+def parts(drawn):
     """The parts of a large mesh that are cut each for itself; here they are small ones."""
     mesh = drawn.mesh(most=60)
     small = cut._Quality(part_faces=4 + drawn.below(12), whole_faces=6, most_l2=1.06,
@@ -117,7 +116,7 @@ def parts(drawn: Drawn) -> None:
         tb.unwrap(mesh, quality="fast", size=64, padding=0)
 
 
-def remesh(drawn: Drawn) -> None:
+def remesh(drawn):
     mesh = drawn.mesh()
     options = drawn.options(
         tb.RemeshOptions, "surface", "keep_interior", "sharp_edges", "quality",
@@ -129,7 +128,7 @@ def remesh(drawn: Drawn) -> None:
     list(remesh_with_few_tunnels(mesh, 1 + 60 * drawn.below(4), resolution=8 + drawn.below(24)))
 
 
-def distance(drawn: Drawn) -> None:
+def distance(drawn):
     """Distances between two meshes, and from points to one."""
     one, other = drawn.mesh(), drawn.mesh()
     found = tb.surface_distance(one, other, n_samples=1 + drawn.below(64), seed=drawn.below(4))
@@ -144,7 +143,7 @@ def distance(drawn: Drawn) -> None:
         orange(20 + drawn.below(100))
 
 
-def check(drawn: Drawn) -> None:
+def check(drawn):
     low = drawn.mesh() if drawn.flag() else None
     report = tb.check(drawn.mesh(most=30), low, tb.CheckOptions(size=drawn.pick(SIZES), padding=0))
     for finding in report.findings:
@@ -153,7 +152,7 @@ def check(drawn: Drawn) -> None:
         require_finite(report.picture(32))
 
 
-def atlas(drawn: Drawn) -> None:
+def atlas(drawn):
     mesh = drawn.mesh(most=24)
     size = drawn.pick((16, 64))
     keep = mesh.uvs is not None and drawn.flag()
@@ -174,7 +173,7 @@ def atlas(drawn: Drawn) -> None:
     described(drawn, mapped)
 
 
-def mappings(drawn: Drawn) -> None:
+def mappings(drawn):
     """The classical mappings."""
     mesh = drawn.mesh(most=20)
     method = drawn.pick([name for name in METHODS if name != "atlas"])
@@ -196,12 +195,12 @@ def mappings(drawn: Drawn) -> None:
     assert np.array_equal(mapped.positions, mesh.positions)
 
 
-def layout(drawn: Drawn) -> None:
+def layout(drawn):
     """What is said of any texture coordinates: stretch, overlaps and pictures."""
     described(drawn, drawn.mesh(most=20, uvs=True))
 
 
-def described(drawn: Drawn, mesh: tb.Mesh) -> None:
+def described(drawn, mesh):
     tb.distortion(mesh, drawn.pick(SIZES))
     corners = mesh.corner_uvs()
     find_overlaps(corners)
@@ -211,7 +210,7 @@ def described(drawn: Drawn, mesh: tb.Mesh) -> None:
     assert "<svg" in layout_svg(mesh, size, heat=heat)
 
 
-def rays(drawn: Drawn) -> None:
+def rays(drawn):
     """Primary and secondary rays in any direction, from any point."""
     mesh = drawn.mesh(most=40)
     n = 1 + drawn.below(20)
@@ -237,7 +236,7 @@ def rays(drawn: Drawn) -> None:
         scene.cast_hemispheres(Hemispheres(origins, axes, axes, ids), direction_sets(4), ranges)
 
 
-def bake(drawn: Drawn) -> None:
+def bake(drawn):
     is_colored = drawn.rarely(4)
     high, low = drawn.mesh(most=30, uvs=is_colored or None), low_poly(drawn)
     if drawn.rarely(3) and not is_colored:
@@ -278,7 +277,7 @@ def bake(drawn: Drawn) -> None:
             result.maps[name].write(Path(folder) / "map.png", bits=drawn.pick((8, 16)))
 
 
-def low_poly(drawn: Drawn) -> tb.Mesh:
+def low_poly(drawn):
     """Return a mesh with texture coordinates, most of which lie in the unit square."""
     if drawn.rarely(4):
         return drawn.pick((plane(2, 2), uv_sphere(4, 6)))
@@ -290,7 +289,7 @@ def low_poly(drawn: Drawn) -> tb.Mesh:
     return mesh.replace(uvs=uvs, uv_faces=drawn.indices(n, mesh.n_faces, 3))
 
 
-def colored(drawn: Drawn, folder: Path, mesh: tb.Mesh) -> Materials:
+def colored(drawn, folder, mesh):
     """Return materials with images in a few of their channels."""
     tb.write_image(drawn.rng().random((3, 4, 3)).astype(np.float32), folder / "image.png")
     placing = tuple(map(tuple, drawn.floats(2, 3, extreme=drawn.flag()).tolist()))
@@ -307,14 +306,14 @@ def colored(drawn: Drawn, folder: Path, mesh: tb.Mesh) -> Materials:
     return Materials(face_materials=ids, materials=materials)
 
 
-def cage(drawn: Drawn) -> None:
+def cage(drawn):
     found = tb.fit_cage(
         drawn.mesh(most=30), drawn.mesh(), margin=drawn.pick((None, None, 0.0, 0.5))
     )
     require_finite(found.distances)
 
 
-def streamed(drawn: Drawn) -> None:
+def streamed(drawn):
     """A bake of a mesh that stays in its file, in chunks."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / drawn.pick(("high.ply", "high.stl"))
@@ -326,7 +325,7 @@ def streamed(drawn: Drawn) -> None:
             tb.bake(high, low_poly(drawn), options)
 
 
-def paint(drawn: Drawn) -> None:
+def paint(drawn):
     """Textures from procedures, and from photographs."""
     mesh = low_poly(drawn)
     size = drawn.pick((1, 4, 16))

@@ -4,8 +4,6 @@ Changed bytes rarely get past the checksum of a PNG chunk or the lengths of a GL
 changes keep the container of a file intact: lengths, checksums and compressed streams fit again.
 """
 
-from __future__ import annotations
-
 import base64
 import io
 import json
@@ -14,8 +12,6 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable
-
-import numpy as np
 
 # Numbers and words put into text, which readers take for counts, indices and keys.
 WORDS = (
@@ -32,7 +28,7 @@ _PNG = b"\x89PNG\r\n\x1a\n"
 Change = Callable[[bytes], bytes]
 
 
-def mutant(content: bytes, rng: np.random.Generator) -> bytes:
+def mutant(content, rng):
     """Return the content with a few changes of one kind or of several."""
     data = bytearray(content)
     for _ in range(int(rng.integers(1, 5))):
@@ -40,47 +36,47 @@ def mutant(content: bytes, rng: np.random.Generator) -> bytes:
     return bytes(data)
 
 
-def _block(data: bytearray, rng: np.random.Generator) -> tuple[int, int]:
+def _block(data, rng):
     """Return where a short block begins and ends."""
     at = int(rng.integers(len(data) + 1))
     return at, min(len(data), at + int(rng.integers(1, 64)))
 
 
-def _flip_bit(data: bytearray, rng: np.random.Generator) -> None:
+def _flip_bit(data, rng):
     if data:
         data[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
 
 
-def _set_byte(data: bytearray, rng: np.random.Generator) -> None:
+def _set_byte(data, rng):
     if data:
         data[int(rng.integers(len(data)))] = int(rng.integers(256))
 
 
-def _delete(data: bytearray, rng: np.random.Generator) -> None:
+def _delete(data, rng):
     at, until = _block(data, rng)
     del data[at:until]
 
 
-def _reverse(data: bytearray, rng: np.random.Generator) -> None:
+def _reverse(data, rng):
     at, until = _block(data, rng)
     data[at:until] = data[at:until][::-1]
 
 
-def _repeat(data: bytearray, rng: np.random.Generator) -> None:
+def _repeat(data, rng):
     """Once, or so often that counts and depths overflow."""
     at, until = _block(data, rng)
     n = 1 if rng.random() < 0.7 else int(rng.integers(2, 2000))
     data[at:at] = (data[at:until] * n)[:_MOST]
 
 
-def _splice(data: bytearray, rng: np.random.Generator) -> None:
+def _splice(data, rng):
     """Put a block of the file over another place of it."""
     at, until = _block(data, rng)
     to = int(rng.integers(len(data) + 1))
     data[to : to + until - at] = data[at:until]
 
 
-def _splice_number(data: bytearray, rng: np.random.Generator) -> None:
+def _splice_number(data, rng):
     """Put a number of the text, or one of the lengths, in place of another."""
     start = int(rng.integers(len(data) + 1))
     old = _NUMBER.search(data, start, start + 4096)
@@ -96,7 +92,7 @@ def _splice_number(data: bytearray, rng: np.random.Generator) -> None:
     data[old.start() : old.end()] = number.encode()
 
 
-def _set_length(data: bytearray, rng: np.random.Generator) -> None:
+def _set_length(data, rng):
     """A length of four or eight bytes, in either order."""
     at = int(rng.integers(len(data) + 1))
     width = 4 if rng.random() < 0.6 else 8
@@ -105,12 +101,12 @@ def _set_length(data: bytearray, rng: np.random.Generator) -> None:
     data[at : at + width] = length.to_bytes(width, order)
 
 
-def _insert_word(data: bytearray, rng: np.random.Generator) -> None:
+def _insert_word(data, rng):
     at = int(rng.integers(len(data) + 1))
     data[at:at] = WORDS[int(rng.integers(len(WORDS)))]
 
 
-def _truncate(data: bytearray, rng: np.random.Generator) -> None:
+def _truncate(data, rng):
     if rng.random() < 0.3:
         del data[int(rng.integers(len(data) + 1)) :]
 
@@ -121,7 +117,7 @@ _CHANGES = (
 )  # fmt: skip
 
 
-def zip_mutant(content: bytes, rng: np.random.Generator) -> bytes:
+def zip_mutant(content, rng):
     """Return a zip archive with changes in one of its files, and checksums that fit them."""
     changed = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(changed, "w") as new:
@@ -133,7 +129,7 @@ def zip_mutant(content: bytes, rng: np.random.Generator) -> bytes:
     return changed.getvalue()
 
 
-def changed(data: bytes, change: Change, rng: np.random.Generator) -> bytes:
+def changed(data, change, rng):
     """Return a file with a change inside of its container, or anywhere; `change` changes pieces."""
     if rng.random() < 0.3:
         return mutant(data, rng)
@@ -153,7 +149,7 @@ def changed(data: bytes, change: Change, rng: np.random.Generator) -> bytes:
     return change(data)
 
 
-def _changed_png(data: bytes, change: Change, rng: np.random.Generator) -> bytes:
+def _changed_png(data, change, rng):
     """Change what one chunk holds, with its length and checksum; of pixels, what is packed."""
     chunks, at = [], len(_PNG)
     while at + 12 <= len(data):
@@ -172,7 +168,7 @@ def _changed_png(data: bytes, change: Change, rng: np.random.Generator) -> bytes
     return _PNG + b"".join(pieces) + data[at:]
 
 
-def _changed_glb(data: bytes, change: Change, rng: np.random.Generator) -> bytes:
+def _changed_glb(data, change, rng):
     """Change the JSON chunk or the binary one, with the lengths of both and of the file."""
     length = struct.unpack_from("<I", data, 12)[0]
     texts, rest = data[20 : 20 + length], data[20 + length :]
@@ -191,7 +187,7 @@ def _changed_glb(data: bytes, change: Change, rng: np.random.Generator) -> bytes
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def _changed_gltf(data: bytes, change: Change) -> bytes:
+def _changed_gltf(data, change):
     """Change what a buffer in a JSON file holds."""
     document = json.loads(data)
     buffer = next(each for each in document["buffers"] if each["uri"].startswith(_URI))

@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from drawn import Drawn
 from random_scenes import random_scene, with_object, write_images
 
 import texbake as tb
@@ -31,7 +30,7 @@ from texbake.texture.encoding import (
     quantize_unsigned,
 )
 from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
-from texbake.texture.mipmaps import MipChain, mip_chain
+from texbake.texture.mipmaps import mip_chain
 from texbake.texture.padding import nearest_owner, push_pull
 from texbake.texture.png_files import write_png
 from texbake.texture.prefilter import irradiance, specular_levels
@@ -42,7 +41,7 @@ from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT, sample_textu
 from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
 
 
-def image_lookup(drawn: Drawn) -> None:
+def image_lookup(drawn):
     """An image at any coordinates, by each filter."""
     image, n = drawn.image(), 1 + drawn.below(9)
     wrap = drawn.pick(WRAPS)
@@ -61,20 +60,20 @@ def image_lookup(drawn: Drawn) -> None:
                      filter=drawn.pick(("nearest", "trilinear")))  # fmt: skip
 
 
-def shrunk(drawn: Drawn, image: np.ndarray) -> MipChain:
+def shrunk(drawn, image):
     kinds = ("color", "data", "normal") if image.shape[2] >= 3 else ("data",)
     return mip_chain(image, kind=drawn.pick(kinds), wrap=drawn.pick(("repeat", "clamp")),
                         filter=drawn.pick(("box", "kaiser")))  # fmt: skip
 
 
-def padding(drawn: Drawn) -> None:
+def padding(drawn):
     image = drawn.image(most=40)
     charts = drawn.indices(4, *image.shape[:2]) - 1
     nearest_owner(charts, drawn.below(12))
     push_pull(image, charts >= 0)
 
 
-def coding(drawn: Drawn) -> None:
+def coding(drawn):
     """Values to codes, their ranges, and the files of codes."""
     image, bits = drawn.image(most=20), drawn.pick((8, 16))
     codes = [quantize_unsigned(image, bits), quantize_srgb(image, bits)]
@@ -96,7 +95,7 @@ def coding(drawn: Drawn) -> None:
         tb.read_image(path, color=False)
 
 
-def heights(drawn: Drawn) -> None:
+def heights(drawn):
     """Heights to normals and back."""
     image = drawn.image(channels=(1,))
     tb.height_to_normal(image, drawn.options(tb.HeightToNormalOptions, "wrap", "derivative"))
@@ -104,7 +103,7 @@ def heights(drawn: Drawn) -> None:
     tb.normal_to_height(normals, drawn.options(tb.NormalToHeightOptions, "method", "wrap"))
 
 
-def cubes(drawn: Drawn) -> None:
+def cubes(drawn):
     size = 1 + drawn.below(6)
     cube = CubeMap(drawn.singles(6, size, size, drawn.pick((1, 3, 4))))
     sample_cube(cube, drawn.singles(5, 3), filter=drawn.pick(("nearest", "bilinear")))
@@ -117,7 +116,7 @@ def cubes(drawn: Drawn) -> None:
         specular_levels(cube, samples=16)
 
 
-def procedures(drawn: Drawn) -> None:
+def procedures(drawn):
     name = drawn.pick(sorted(PROCEDURE_DEFAULTS))
     n, dimensions = 1 + drawn.below(9), drawn.pick((2, 3))
     footprint = drawn.pick((None, drawn.floats(n), drawn.floats(n, dimensions)))
@@ -136,7 +135,7 @@ def procedures(drawn: Drawn) -> None:
 
 
 @cache
-def images() -> Path:
+def images():
     """Return a folder of images for scenes, which is there until the process ends."""
     folder = Path(tempfile.mkdtemp())
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -144,7 +143,7 @@ def images() -> Path:
     return folder
 
 
-def scenes(drawn: Drawn) -> None:
+def scenes(drawn):
     """A scene of any materials and lights, with any mesh in it."""
     scene, options = random_scene(int.from_bytes(drawn.bytes(4), "little"), images())
     mesh = drawn.mesh(extreme=drawn.rarely(4))
@@ -162,12 +161,12 @@ def scenes(drawn: Drawn) -> None:
     require_sound(tb.render_scene(scene, replace(options, **looks(drawn))))
 
 
-def require_sound(frame: tb.Frame) -> None:
+def require_sound(frame):
     assert np.isfinite(frame.color).all() and frame.color.min() >= 0.0
     assert ((frame.coverage >= 0.0) & (frame.coverage <= 1.0)).all()
 
 
-def preview(drawn: Drawn) -> None:
+def preview(drawn):
     """A mesh alone, from any distance."""
     angles = tuple((360.0 * drawn.floats(2, extreme=False)).tolist())
     view = (*angles, drawn.pick((None, None, 1e-9, 0.5, 1e9)))
@@ -184,7 +183,7 @@ def preview(drawn: Drawn) -> None:
     closeness(drawn, mesh, frame)
 
 
-def closeness(drawn: Drawn, mesh: tb.Mesh, frame: tb.Frame) -> None:
+def closeness(drawn, mesh, frame):
     """A picture beside itself, and the sides of a face that an eye anywhere sees."""
     view_errors(frame, frame, float(drawn.floats(1)[0]))
     window = min(7, *(side - 1 + side % 2 for side in frame.coverage.shape))
@@ -195,7 +194,7 @@ def closeness(drawn: Drawn, mesh: tb.Mesh, frame: tb.Frame) -> None:
     core.measure_facing(mesh.positions, mesh.faces, face, drawn.floats(3), np.empty(1))
 
 
-def numbers(drawn: Drawn) -> None:
+def numbers(drawn):
     """Elementary functions and small matrices, with any numbers."""
     n = 1 + drawn.below(4)
     x, y = drawn.floats(n, n), drawn.floats(n, n)
@@ -214,7 +213,7 @@ def numbers(drawn: Drawn) -> None:
         pm.svd(x)
 
 
-def looks(drawn: Drawn) -> dict[str, object]:
+def looks(drawn):
     """Options of a picture that change how it is drawn."""
     buffers = (None, None, None, "depth", "normals", "mip-level", "overdraw", "object-id")
     chosen: dict[str, object] = {

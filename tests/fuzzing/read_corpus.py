@@ -9,8 +9,6 @@ wrong with an input, and exits with 1 if anything is. `fuzz-findings` keeps inpu
 If all formats are read, every function of the core must have been called in the end.
 """
 
-from __future__ import annotations
-
 import argparse
 import faulthandler
 import os
@@ -20,7 +18,6 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from itertools import chain, count
@@ -33,7 +30,7 @@ CORPUS = HERE / "corpus"
 FINDINGS = Path("fuzz-findings")
 sys.path.insert(0, str(HERE))
 
-from formats import FORMATS, READ, UNREACHED, Reader, unreached  # noqa: E402
+from formats import FORMATS, READ, UNREACHED, unreached  # noqa: E402
 from mutants import changed, mutant  # noqa: E402
 
 from texbake.errors import ReadWarning, TexbakeError  # noqa: E402
@@ -44,12 +41,12 @@ STUCK = 12 * SECONDS  # of the clock: the machine may do other things as well
 MEMORY = 2 << 30  # bytes of address space beyond those of the process with all readers loaded
 
 
-def folder_of(name: str) -> Path:
+def folder_of(name):
     """Return the folder with the inputs of a format."""
     return CORPUS / name.replace(" ", "_")
 
 
-def fault_of(read: Reader, path: Path) -> str | None:
+def fault_of(read, path):
     """Read one file; return what went wrong, or that it took too long, or None."""
     limit = SECONDS * (SLOWDOWN if "asan" in os.environ.get("LD_PRELOAD", "") else 1)
     start = time.process_time()
@@ -74,7 +71,7 @@ def fault_of(read: Reader, path: Path) -> str | None:
 
 
 @contextmanager
-def bounded_memory(n_bytes: int = MEMORY) -> Iterator[None]:
+def bounded_memory(n_bytes=MEMORY):
     """Limit the address space to its present size and `n_bytes` more."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     pages = int(Path("/proc/self/statm").read_text().split()[0])
@@ -85,7 +82,7 @@ def bounded_memory(n_bytes: int = MEMORY) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def mutants_of(name: str, inputs: list[bytes], n_bytes: int, seed: int) -> Iterator[bytes]:
+def mutants_of(name, inputs, n_bytes, seed):
     """Change the inputs of a format, until there are `n_bytes`."""
     for number in count():
         if n_bytes <= 0:
@@ -96,9 +93,7 @@ def mutants_of(name: str, inputs: list[bytes], n_bytes: int, seed: int) -> Itera
         yield data
 
 
-def wrong_with_inputs(
-    name: str, inputs: list[Path] | None = None, *, n_bytes: int = 0, seed: int = 0
-) -> Iterator[str]:
+def wrong_with_inputs(name, inputs=None, *, n_bytes=0, seed=0):
     """Read the inputs of a format and mutants; yield what is wrong with those that fail."""
     suffix, make, read = READ[name]
     with tempfile.TemporaryDirectory() as folder:
@@ -120,7 +115,7 @@ def wrong_with_inputs(
                     yield f"{name}: {copy.name}: {fault}"
 
 
-def main() -> int:
+def main():
     """Read all, or the formats that are named."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("formats", nargs="*", help=", ".join(READ))

@@ -108,12 +108,12 @@ lighten colored.ply -o light.glb --faces 300 --size 128 --images png --views 0
 """
 
 
-def command_lines() -> list[list[str]]:
+def command_lines():
     """Words of each command line, with continued lines joined."""
     return [line.split() for line in COMMANDS.replace("\\\n", "").strip().splitlines()]
 
 
-def run_commands() -> None:
+def run_commands():
     """Run every command line in the current folder, on a picture and a colored mesh made here."""
     import numpy as np
 
@@ -131,7 +131,7 @@ def run_commands() -> None:
         print(f"{time.perf_counter() - started:6.2f} s  texbake {' '.join(words)}")
 
 
-def run_command(*words: str) -> None:
+def run_command(*words):
     """Run one command line in this process."""
     from texbake_cli.main import texbake
 
@@ -142,15 +142,15 @@ def run_command(*words: str) -> None:
             raise RuntimeError(f"texbake {' '.join(words)}: exit code {stop.code}") from None
 
 
-def run_demo() -> None:
+def run_demo():
     """Run the demo with fewer triangles and texels than by default."""
     run_command("demo", "-o", "demo", "--triangles", "100000", "--size", "512")
 
 
-def run_sample(name: str, *arguments: str) -> Callable[[], None]:
+def run_sample(name, *arguments):
     """Return a function that runs a Python script of samples/ as its reader would."""
 
-    def run() -> None:
+    def run():
         sys.argv = [name, *arguments]
         sys.path.insert(0, str(SAMPLES))
         with contextlib.suppress(SystemExit):  # asset_folder.py has one broken mesh on purpose
@@ -159,7 +159,7 @@ def run_sample(name: str, *arguments: str) -> Callable[[], None]:
     return run
 
 
-def run_gallery() -> None:
+def run_gallery():
     """Draw the sources and pictures of the gallery at a small size."""
     sys.path.insert(0, str(SAMPLES))
     import gallery
@@ -177,7 +177,7 @@ def run_gallery() -> None:
             texbake.write_image(color, f"{shot.name}_{i}.png", color=True, bits=16)
 
 
-def run_pipeline() -> None:
+def run_pipeline():
     """Build samples/pipeline.toml, with small pictures in its pages, which are for people."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "samples"
@@ -199,7 +199,7 @@ GROUPS: dict[str, Callable[[], None]] = {
 }
 
 
-def checksums(folder: Path) -> dict[str, str]:
+def checksums(folder):
     """Checksum of every file below a folder; empty where only the name counts."""
     sums = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
@@ -210,7 +210,7 @@ def checksums(folder: Path) -> dict[str, str]:
     return sums
 
 
-def checksum(path: Path) -> str:
+def checksum(path):
     """Checksum of a file's bytes; of a trace, of its arrays without the header."""
     digest = hashlib.sha256()
     if path.suffix == ".npz":
@@ -222,7 +222,7 @@ def checksum(path: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def record(group: str) -> dict[str, str]:
+def record(group):
     """Run a group in a separate process and return the checksums of its files."""
     strict = ["-W", "error"] if group == "python_api" else []  # what a script is warned of, too
     with tempfile.TemporaryDirectory() as folder:
@@ -236,7 +236,7 @@ def record(group: str) -> dict[str, str]:
         return checksums(Path(folder))
 
 
-def lowered_environment() -> dict[str, str]:
+def lowered_environment():
     """Variables with which NumPy, OpenBLAS and the core run as on the oldest x86-64 processor."""
     import numpy as np
 
@@ -249,7 +249,7 @@ def lowered_environment() -> dict[str, str]:
     }
 
 
-def main(arguments: list[str]) -> None:
+def main(arguments):
     """Run one group in a folder, or record all of them."""
     if arguments == ["lowered"]:
         print(*(f"{name}={value}" for name, value in lowered_environment().items()))

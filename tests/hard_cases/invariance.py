@@ -7,7 +7,6 @@ change applied to that result.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -97,27 +96,27 @@ class MeshPair:
     scale: float = 1.0
     offset: Array = field(default_factory=lambda: np.zeros(3))
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         self.faces = np.arange(self.before.n_faces)
         self.vertices = np.arange(self.before.n_vertices)
         self.corners = np.zeros(self.before.n_faces, np.intp)
 
     @property
-    def linear(self) -> Array:
+    def linear(self):
         return np.array(self.change.linear, float)
 
-    def points(self, points: Array) -> Array:
+    def points(self, points):
         """Points before the change as they are after it."""
         return np.asarray(points @ self.linear.T * self.scale + self.offset)
 
 
-def size_of(mesh: Mesh) -> float:
+def size_of(mesh):
     """Longest side of the bounding box; 1 where it is a point."""
     low, high = mesh.bounds
     return float((high - low).max()) or 1.0
 
 
-def changed(change: Change, mesh: Mesh) -> MeshPair:
+def changed(change, mesh):
     """Change a mesh."""
     if change.kind == SCALE:
         return _scaled(change, mesh)
@@ -143,13 +142,13 @@ def changed(change: Change, mesh: Mesh) -> MeshPair:
     return pair
 
 
-def _with(mesh: Mesh, names: tuple[str, ...], function: Callable[[Array], Array]) -> Mesh:
+def _with(mesh, names, function):
     """The mesh, with a function applied to those of the named arrays that it has."""
     fields = {name: getattr(mesh, name) for name in names}
     return mesh.replace(**{name: function(a) for name, a in fields.items() if a is not None})
 
 
-def _scaled(change: Change, mesh: Mesh) -> MeshPair:
+def _scaled(change, mesh):
     scale = change.scale
     with np.errstate(over="ignore", under="ignore"):
         positions = mesh.positions * scale
@@ -162,7 +161,7 @@ def _scaled(change: Change, mesh: Mesh) -> MeshPair:
     )
 
 
-def _placed(change: Change, mesh: Mesh) -> MeshPair:
+def _placed(change, mesh):
     scale = unit_scale(size_of(mesh))
     used = np.zeros(mesh.n_vertices, bool)
     used[mesh.faces] = True
@@ -180,7 +179,7 @@ def _placed(change: Change, mesh: Mesh) -> MeshPair:
     return MeshPair(change=change, before=before, after=after, offset=offset)
 
 
-def _turned(change: Change, mesh: Mesh) -> MeshPair:
+def _turned(change, mesh):
     linear = np.array(change.linear, float)
     with np.errstate(over="ignore"):
         after = _with(mesh, ("positions", "normals"), lambda vectors: vectors @ linear.T)
@@ -197,16 +196,16 @@ class Side:
     middle: tuple[float, ...]  # of the box before the change, moved with the mesh
     size: float  # likewise
 
-    def direction(self, vector: npt.ArrayLike) -> tuple[float, ...]:
+    def direction(self, vector):
         """A direction, turned with the mesh."""
         return tuple((np.asarray(vector, float) @ self.linear.T).tolist())
 
-    def beside(self, way: npt.ArrayLike) -> tuple[float, ...]:
+    def beside(self, way):
         """Point some sizes away from the middle, moved with the mesh."""
         return tuple((np.array(self.middle) + np.array(self.direction(way)) * self.size).tolist())
 
 
-def sides(pair: MeshPair) -> tuple[Side, Side]:
+def sides(pair):
     """Both sides of a pair."""
     before, after = pair.before, pair.after
     low, high = before.bounds
@@ -245,24 +244,18 @@ class Quantity:
     turn: float | None = None
     order: float | None = None
 
-    def bound(self, kind: str) -> float | None:
+    def bound(self, kind):
         return {SCALE: 0.0, PLACE: self.place, TURN: self.turn}.get(kind, self.order)
 
 
-Result = Mapping[str, Quantity]
-Command = Callable[[Side], Result]
-
-
-def number(
-    value: float, both: float | None = None, unit: str = NUMBER, **bounds: float | None
-) -> Quantity:
+def number(value, both=None, unit=NUMBER, **bounds):
     """One number, with one bound for turns and orders unless they have their own."""
     return Quantity(
         values=np.array(float(value)), unit=unit, **{"turn": both, "order": both, **bounds}
     )
 
 
-def fixed(**values: object) -> dict[str, Quantity]:
+def fixed(**values):
     """Quantities that no change of the mesh changes."""
     return {
         name: Quantity(values=np.asarray(value), turn=0.0, order=0.0)
@@ -270,7 +263,7 @@ def fixed(**values: object) -> dict[str, Quantity]:
     }
 
 
-def outcome(command: Command, side: Side) -> Result | str:
+def outcome(command, side):
     """Result of a command, or its error, without the numbers in it."""
     try:
         return command(side)
@@ -279,7 +272,7 @@ def outcome(command: Command, side: Side) -> Result | str:
         return f"{type(error).__name__}: {re.sub(r'[-+]?[0-9][-+0-9.,e]*', '#', str(error))}"
 
 
-def faults(before: Result | str, after: Result | str, pair: MeshPair) -> list[str]:
+def faults(before, after, pair):
     """Differences between two outcomes that exceed their bounds."""
     if isinstance(before, str) or isinstance(after, str):
         refused = [x if isinstance(x, str) else "a result" for x in (before, after)]
@@ -298,7 +291,7 @@ def faults(before: Result | str, after: Result | str, pair: MeshPair) -> list[st
     ]
 
 
-def _difference(quantity: Quantity, after: Array, pair: MeshPair) -> float:
+def _difference(quantity, after, pair):
     """By how much values differ after a change, in units of their size; 0 for the same bits."""
     expected = _expected(quantity, pair)
     if expected.shape != after.shape:
@@ -330,7 +323,7 @@ def _difference(quantity: Quantity, after: Array, pair: MeshPair) -> float:
     return max(greatest, np.finfo(float).tiny)  # a difference of any size is not 0
 
 
-def _expected(quantity: Quantity, pair: MeshPair) -> Array:
+def _expected(quantity, pair):
     """Values before a change as they are after it."""
     values = quantity.values
     if quantity.unit == POINT:

@@ -22,16 +22,12 @@ from invariance import (
     POINT,
     ROUNDING,
     VERTEX,
-    Command,
     Quantity,
-    Result,
-    Side,
     fixed,
     number,
 )
 
 import texbake
-from texbake.baking.result import BakedMap
 from texbake.baking.texture.options import PhotoOptions, SolidOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.baking.texture.solid import bake_solid
@@ -49,7 +45,7 @@ from texbake.rendering.camera import Camera
 UNSEEN = 1e-9
 
 
-def info(side: Side) -> Result:
+def info(side):
     found = texbake.mesh_info(side.mesh)
     names = (
         "n_vertices", "n_faces", "n_components", "n_boundary_edges", "n_non_manifold_edges",
@@ -65,7 +61,7 @@ def info(side: Side) -> Result:
     }
 
 
-def normals(side: Side) -> Result:
+def normals(side):
     same = {"unit": DIRECTION, "turn": ROUNDING, "order": ROUNDING}
     mesh = side.mesh
     # Curvature divides by areas, and so amplifies what sums round once more.
@@ -79,13 +75,13 @@ def normals(side: Side) -> Result:
     }
 
 
-def tangents(side: Side) -> Result:
+def tangents(side):
     # Directions are float32, and MikkTSpace divides by areas in the texture.
     values = corner_tangents(side.mesh)[..., :3]
     return {"tangents": Quantity(values=values, unit=DIRECTION, per=CORNER, turn=1e-5, order=1e-5)}
 
 
-def findings(*meshes: texbake.Mesh) -> Result:
+def findings(*meshes):
     report = texbake.check(*meshes, options=texbake.CheckOptions(size=64))
     of_place = {"far-from-origin", "extreme-size", "unmeasurable-size"}
     found = sorted(
@@ -96,7 +92,7 @@ def findings(*meshes: texbake.Mesh) -> Result:
     return fixed(findings=np.array(found or [""], dtype="U120"))
 
 
-def repair(side: Side) -> Result:
+def repair(side):
     mesh, report = texbake.repair(side.mesh)
     return {
         **fixed(n_faces=mesh.n_faces),
@@ -106,35 +102,35 @@ def repair(side: Side) -> Result:
     }
 
 
-def transform(side: Side) -> Result:
+def transform(side):
     """The normals, which the size of a mesh does not change, and neither does its order."""
     options = texbake.TransformOptions(scale=2.0, rotate=(90.0, 0.0, 30.0), flip=True)
     values = face_normals(texbake.transform(side.mesh, options))
     return {"normals": Quantity(values=values, per=FACE, place=None, order=ROUNDING)}
 
 
-def points_of(mesh: texbake.Mesh) -> Result:
+def points_of(mesh):
     return {
         "faces": Quantity(values=mesh.faces),
         "positions": Quantity(values=mesh.positions, unit=POINT, place=COMPUTED),
     }
 
 
-def apart(one: texbake.Mesh, other: texbake.Mesh, bound: float) -> Quantity:
+def apart(one, other, bound):
     distance = texbake.surface_distance(one, other, n_samples=300, threads=1).max
     return number(distance, bound, LENGTH, place=1e-11)
 
 
-def remesh(side: Side) -> Result:
+def remesh(side):
     mesh = texbake.remesh(side.mesh, texbake.RemeshOptions(resolution=16), threads=1)
     # The diagonal of a voxel: the grid lies otherwise about a mesh that is turned.
     return {**points_of(mesh), "distance": apart(mesh, side.mesh, 3.0**0.5 / 16.0)}
 
 
-def simplified(quality: str, error: str | None = None) -> Command:
+def simplified(quality, error=None):
     """Simplify to half the faces, or to an error."""
 
-    def simplify(side: Side) -> Result:
+    def simplify(side):
         n_faces = None if error else max(4, side.mesh.n_faces // 2)
         low = texbake.simplify(side.mesh, n_faces, error=error, quality=quality, threads=1)
         # Other edges collapse where several cost the same.
@@ -147,7 +143,7 @@ def simplified(quality: str, error: str | None = None) -> Command:
     return simplify
 
 
-def cage(side: Side) -> Result:
+def cage(side):
     found = texbake.fit_cage(side.high, side.mesh, threads=1)
     # The margin is a share of the bounding box, which turns change. Vertices move in one by one,
     # so that where each one stops depends on their order.
@@ -158,7 +154,7 @@ def cage(side: Side) -> Result:
     }
 
 
-def distances(side: Side) -> Result:
+def distances(side):
     found = texbake.surface_distance(side.high, side.mesh, n_samples=300, threads=1)
     # Samples lie elsewhere on faces in another order, or with another first corner.
     return {
@@ -167,7 +163,7 @@ def distances(side: Side) -> Result:
     }
 
 
-def orientation(side: Side) -> Result:
+def orientation(side):
     mesh, report = oriented(side.mesh, "auto", threads=1)
     turned = (mesh.faces != side.mesh.faces).any(axis=1)
     return {
@@ -178,7 +174,7 @@ def orientation(side: Side) -> Result:
     }
 
 
-def levels(side: Side) -> Result:
+def levels(side):
     n_faces = max(4, side.mesh.n_faces // 2)
     level = texbake.simplify(side.mesh, n_faces, seams="keep", threads=1)
     share = np.nan if level.uvs is None else share_elsewhere(level, side.mesh, threads=1)
@@ -186,10 +182,10 @@ def levels(side: Side) -> Result:
     return {"elsewhere": number(share, place=0.01)}
 
 
-def charted(**options: object) -> Command:
+def charted(**options):
     """An atlas."""
 
-    def unwrap(side: Side) -> Result:
+    def unwrap(side):
         mesh = texbake.unwrap(side.mesh, size=128, padding=1, threads=1, **options)
         measured = texbake.distortion(mesh, 128, threads=1)
         # Charts are cut and joined along other edges where several cost the same. A box that
@@ -204,7 +200,7 @@ def charted(**options: object) -> Command:
     return unwrap
 
 
-def classical(method: str, **options: object) -> Command:
+def classical(method, **options):
     """A classical mapping."""
     # The axis of a cylinder, and the eye of a reflection, are points of the model, rounded where it
     # is; and where the surface leads past the tangent of a cylinder, the square root of that
@@ -212,7 +208,7 @@ def classical(method: str, **options: object) -> Command:
     is_round = method == "cylindrical" or options.get("surface") == "cylinder"
     place = 1e-7 if is_round or options.get("via") == "reflection" else 0.0
 
-    def unwrap(side: Side) -> Result:
+    def unwrap(side):
         eye = {"eye": side.beside((3.0, 2.0, 1.0))} if options.get("via") == "reflection" else {}
         mesh = texbake.unwrap(side.mesh, method=method, threads=1, **options, **eye)
         return {"uvs": Quantity(values=mesh.corner_uvs(), per=CORNER, place=place, order=1e-12)}
@@ -230,12 +226,12 @@ MAPS = (
 )  # fmt: skip
 
 
-def few(values: object) -> Quantity:
+def few(values):
     """A map; a ray more or less meets another face at the outline of one."""
     return Quantity(values=values, unit=PICTURE, turn=0.05, order=0.05)
 
 
-def maps_of(maps: dict[str, BakedMap]) -> Result:
+def maps_of(maps):
     found = {}
     for name, item in maps.items():
         if name.endswith("position"):
@@ -253,10 +249,10 @@ def maps_of(maps: dict[str, BakedMap]) -> Result:
     return found
 
 
-def baked(*maps: str, **options: object) -> Command:
+def baked(*maps, **options):
     """A bake of the larger mesh onto the mesh itself."""
 
-    def bake(side: Side) -> Result:
+    def bake(side):
         wanted = texbake.BakeOptions(size=32, maps=maps, threads=1, **options)
         result = texbake.bake(side.high, side.mesh, wanted)
         return {
@@ -270,7 +266,7 @@ def baked(*maps: str, **options: object) -> Command:
     return bake
 
 
-def remapped(side: Side) -> Result:
+def remapped(side):
     same = {"size": 32, "threads": 1}
     options = texbake.BakeOptions(maps=("normal",), keep_hits=True, **same)
     kept = texbake.bake(side.high, side.mesh, options)
@@ -278,7 +274,7 @@ def remapped(side: Side) -> Result:
     return maps_of(texbake.remap(kept, side.high, side.mesh, others).maps)
 
 
-def parts(side: Side) -> Result:
+def parts(side):
     options = texbake.BakeOptions(size=32, maps=("normal", "displacement"), threads=1)
     result = texbake.bake_parts([side.high], [side.mesh], options)
     return {
@@ -288,10 +284,10 @@ def parts(side: Side) -> Result:
     }
 
 
-def solid(procedure: str) -> Command:
+def solid(procedure):
     """A procedure, which fills the space of the model: a mesh that moves, moves through it."""
 
-    def bake_texture(side: Side) -> Result:
+    def bake_texture(side):
         options = SolidOptions(procedure=procedure, size=32, threads=1)
         values = bake_solid(side.mesh, options).values
         return {"values": Quantity(values=values, unit=PICTURE, place=None, order=0.01)}
@@ -299,7 +295,7 @@ def solid(procedure: str) -> Command:
     return bake_texture
 
 
-def photographed(side: Side) -> Result:
+def photographed(side):
     image = np.random.default_rng(3).random((16, 16, 3)).astype(np.float32)
     camera = PhotoCamera(
         position=side.beside((0.5, 1.0, 3.0)),
@@ -311,7 +307,7 @@ def photographed(side: Side) -> Result:
     return {"values": few(result.values), "seen": few(result.has_color)}
 
 
-def lit(side: Side) -> Result:
+def lit(side):
     sun = texbake.Light(direction=side.direction((-1.0, -2.0, -1.5)))
     lighting = texbake.Lighting(lights=(sun,), ambient=texbake.Ambient(color=(0.1, 0.1, 0.1)))
     scene = texbake.Scene(objects=(texbake.SceneObject(mesh=side.mesh),), lighting=lighting)
@@ -319,7 +315,7 @@ def lit(side: Side) -> Result:
     return {item.name: few(item.values) for item in result.maps}
 
 
-def turned_camera(side: Side, options: texbake.RenderOptions) -> Camera | None:
+def turned_camera(side, options):
     """The camera that frames the mesh, turned with it."""
     if np.array_equal(side.linear, np.eye(3)):
         return None
@@ -331,10 +327,10 @@ def turned_camera(side: Side, options: texbake.RenderOptions) -> Camera | None:
     )  # fmt: skip
 
 
-def picture(**more: object) -> Command:
+def picture(**more):
     """A preview."""
 
-    def preview(side: Side) -> Result:
+    def preview(side):
         options = texbake.RenderOptions(width=48, height=36, **more)
         camera = turned_camera(side, options)
         frame = texbake.render(side.mesh, options=options, camera=camera, threads=1)
@@ -350,13 +346,13 @@ def picture(**more: object) -> Command:
     return preview
 
 
-def checker(side: Side) -> Result:
+def checker(side):
     options = texbake.RenderOptions(width=24, height=18)
     values = render_checker(side.mesh, options, threads=1)
     return {"color": Quantity(values=values, unit=PICTURE, place=UNSEEN, order=0.05)}
 
 
-def layout(side: Side) -> Result:
+def layout(side):
     pixels = texbake.draw_layout(side.mesh, 64, heat=True, threads=1)
     return {
         # Lines that lie on one another are drawn in the order of the faces.
@@ -365,7 +361,7 @@ def layout(side: Side) -> Result:
     }
 
 
-def compare(side: Side) -> Result:
+def compare(side):
     """From views that do not turn with the mesh."""
     options = texbake.RenderOptions(width=32, height=24)
     views = [(30.0, 20.0), (200.0, -10.0)]
@@ -377,7 +373,7 @@ def compare(side: Side) -> Result:
     }
 
 
-def distort(side: Side) -> Result:
+def distort(side):
     found = texbake.distortion(side.mesh, 64, threads=1)
     overlapping = find_overlaps(side.mesh.corner_uvs(), threads=1).overlapping
     return {
@@ -391,7 +387,7 @@ def distort(side: Side) -> Result:
     }  # fmt: skip
 
 
-PLAIN: dict[str, Command] = {
+PLAIN = {
     "info": info,
     "normals": normals,
     "check": lambda side: findings(side.mesh),
@@ -419,7 +415,7 @@ PLAIN: dict[str, Command] = {
     "compare": compare,
 }  # fmt: skip
 # They are given texture coordinates where they have none.
-TEXTURED: dict[str, Command] = {
+TEXTURED = {
     "check of a pair": lambda side: findings(side.high, side.mesh),
     "tangents": tangents,
     "levels of detail": levels,

@@ -1,7 +1,5 @@
 """Write the lists of cases into the page about hard cases: python tests/hard_cases/table.py."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 
@@ -28,7 +26,7 @@ CATALOG = {
 HEAD = "\n## The catalog\n"
 
 
-def document() -> str:
+def document():
     """Return the page with the current lists."""
     lines = [PAGE.read_text(encoding="utf-8").partition(HEAD)[0] + HEAD]
     for title, cases in CATALOG.items():

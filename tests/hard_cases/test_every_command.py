@@ -21,7 +21,6 @@ from invariance import (
     SCALE,
     TURN,
     Quantity,
-    Result,
     changed,
     faults,
     outcome,
@@ -140,7 +139,7 @@ def is_decided(command, change, mesh):
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_a_change_of_the_mesh_changes_its_result_within_bounds(command):
-    known: dict[tuple[str, bool], Result | str] = {}
+    known = {}
     wrong = []
     for case, change in itertools.chain(chosen(command), once_failed(command)):
         if not is_decided(command, change, case.name):

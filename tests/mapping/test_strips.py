@@ -13,7 +13,7 @@ from texbake.mesh.shapes import icosphere
 N_CABLES, N_SIDES = 12, 6
 
 
-def cables_and_ball(radius: float) -> Mesh:
+def cables_and_ball(radius):
     """Cables of length 1, whose triangles are as long, and a ball with a fiftieth of their area."""
     angles = 2.0 * np.pi * np.arange(N_SIDES) / N_SIDES
     ring = radius * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
@@ -29,7 +29,7 @@ def cables_and_ball(radius: float) -> Mesh:
 
 
 @pytest.mark.parametrize("quality", ["fast", "good"])
-def test_the_faces_of_thin_cables_own_texels(quality: str) -> None:
+def test_the_faces_of_thin_cables_own_texels(quality):
     mesh = cables_and_ball(2e-4)
     low, report = unwrap_with_report(mesh, size=256, padding=1, quality=quality)
     faces = atlas_points(low, 256).faces
@@ -43,7 +43,7 @@ def test_the_faces_of_thin_cables_own_texels(quality: str) -> None:
     assert np.count_nonzero(is_ball[faces[faces >= 0]]) > 0.01 * 256**2
 
 
-def test_a_strip_that_is_wide_enough_keeps_its_shape() -> None:
+def test_a_strip_that_is_wide_enough_keeps_its_shape():
     mesh = cables_and_ball(2e-2)
     report = unwrap_with_report(mesh, size=1024, padding=1, quality="fast")[1]
     assert report.notes == ()
@@ -51,7 +51,7 @@ def test_a_strip_that_is_wide_enough_keeps_its_shape() -> None:
     assert report.distortion.stretch.l2 < 1.01
 
 
-def test_charts_that_are_kept_or_bounded_keep_their_shape() -> None:
+def test_charts_that_are_kept_or_bounded_keep_their_shape():
     mesh = cables_and_ball(2e-4)
     bounded = unwrap_with_report(mesh, size=256, padding=1, quality="fast", max_stretch=1.1)[1]
     assert bounded.distortion is not None

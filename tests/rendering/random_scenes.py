@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,6 @@ from texbake.rendering.scene.textures import (
     FILTERS,
     ImageTexture,
     ProcedureTexture,
-    Slot,
     VolumeTexture,
 )
 from texbake.texture.image import write_image
@@ -62,7 +60,7 @@ _COLORED = ("base_color", "specular", "emission", "light_map")
 _PLAIN = ("exponent", "gloss", "roughness", "metalness", "occlusion", "opacity")
 
 
-def write_images(folder: Path) -> None:
+def write_images(folder):
     """Write the images that scenes refer to: of one, three and four channels."""
     rng = np.random.default_rng(0)
     for i in range(N_IMAGES):
@@ -72,7 +70,7 @@ def write_images(folder: Path) -> None:
     np.save(folder / "volume.npy", rng.random((4, 4, 4)).astype(np.float32))
 
 
-def random_scene(seed: int, folder: Path) -> tuple[Scene, RenderOptions]:
+def random_scene(seed, folder):
     """Return the scene of a seed, with images of `folder`, and its render options."""
     rng = np.random.default_rng(seed)
     objects = tuple(_object(rng, folder, i) for i in range(rng.integers(1, 4)))
@@ -86,12 +84,12 @@ def random_scene(seed: int, folder: Path) -> tuple[Scene, RenderOptions]:
     return scene, options
 
 
-def with_object(scene: Scene, place: int, item: SceneObject) -> Scene:
+def with_object(scene, place, item):
     """Return a scene with another object in the place of one."""
     return replace(scene, objects=(*scene.objects[:place], item, *scene.objects[place + 1 :]))
 
 
-def _object(rng: Rng, folder: Path, place: int) -> SceneObject:
+def _object(rng, folder, place):
     mesh = _mesh(rng)
     transform = np.eye(4)
     transform[:3, :3] *= rng.uniform(0.5, 1.5)
@@ -104,7 +102,7 @@ def _object(rng: Rng, folder: Path, place: int) -> SceneObject:
     )  # fmt: skip
 
 
-def _mesh(rng: Rng) -> Mesh:
+def _mesh(rng):
     shapes: tuple[Callable[[], Mesh], ...] = (lambda: uv_sphere(6, 8), lambda: plane(2, 2))
     mesh = shapes[rng.integers(len(shapes))]()
     if rng.random() < 0.3:
@@ -113,36 +111,36 @@ def _mesh(rng: Rng) -> Mesh:
     return mesh
 
 
-def _often(rng: Rng) -> bool:
+def _often(rng):
     return bool(rng.random() < 0.8)
 
 
-def _pick(rng: Rng, values: tuple[Any, ...]) -> Any:
+def _pick(rng, values):
     return values[int(rng.integers(len(values)))]
 
 
-def _number(rng: Rng, low: float, high: float) -> float:
+def _number(rng, low, high):
     """Return a random number, and 0 every third time."""
     return 0.0 if rng.random() < 0.33 else float(rng.uniform(low, high))
 
 
-def _color(rng: Rng) -> tuple[float, float, float]:
+def _color(rng):
     red, green, blue = (0.0, 0.0, 0.0) if rng.random() < 0.33 else rng.random(3)
     return float(red), float(green), float(blue)
 
 
-def _image(rng: Rng, folder: Path, factor: Any = 1.0) -> ImageTexture:
+def _image(rng, folder, factor=1.0):
     return ImageTexture(
         image=folder / f"{rng.integers(N_IMAGES)}.png", factor=factor,
         filter=_pick(rng, FILTERS[:5]), wrap=_pick(rng, (None, "repeat", "clamp")),
     )  # fmt: skip
 
 
-def _normals(rng: Rng, folder: Path) -> ImageTexture:
+def _normals(rng, folder):
     return replace(_image(rng, folder), image=folder / f"{_pick(rng, (1, 4, 7, 10))}.png")
 
 
-def _procedure(rng: Rng, folder: Path, factor: Any = 1.0) -> ProcedureTexture:
+def _procedure(rng, folder, factor=1.0):
     space = _pick(rng, ("object", "world", "uv"))
     if space != "uv" and rng.random() < 0.3:
         return VolumeTexture(volume=folder / "volume.npy", space=space, factor=factor)
@@ -150,11 +148,11 @@ def _procedure(rng: Rng, folder: Path, factor: Any = 1.0) -> ProcedureTexture:
     return ProcedureTexture(procedure=name, space=space, factor=factor, scale=3.0)
 
 
-def _texture(rng: Rng, folder: Path, factor: Any = 1.0) -> ImageTexture | ProcedureTexture:
+def _texture(rng, folder, factor=1.0):
     return (_image if rng.random() < 0.7 else _procedure)(rng, folder, factor)
 
 
-def _slot(rng: Rng, folder: Path, name: str) -> Slot:
+def _slot(rng, folder, name):
     is_colored = name in _COLORED
     factor = _color(rng) if is_colored else _number(rng, 0.1, 1.0)
     if rng.random() < 0.4:
@@ -165,7 +163,7 @@ def _slot(rng: Rng, folder: Path, name: str) -> Slot:
     return replace(texture, factor=_number(rng, least, 1.0))
 
 
-def _material(rng: Rng, folder: Path) -> Material:
+def _material(rng, folder):
     chosen: dict[str, Any] = {
         name: _slot(rng, folder, name) for name in (*_COLORED, *_PLAIN) if rng.random() < 0.25
     }
@@ -201,7 +199,7 @@ def _material(rng: Rng, folder: Path) -> Material:
     )  # fmt: skip
 
 
-def _picture(rng: Rng, folder: Path) -> ProjectedTexture:
+def _picture(rng, folder):
     place = rng.normal(size=3)
     place *= 6.0 / np.linalg.norm(place)
     target = rng.uniform(-4.0, 4.0, 3)
@@ -215,7 +213,7 @@ def _picture(rng: Rng, folder: Path) -> ProjectedTexture:
     )  # fmt: skip
 
 
-def _light(rng: Rng, folder: Path, place: int) -> Light:
+def _light(rng, folder, place):
     at = rng.normal(size=3)
     at *= 5.0 / np.linalg.norm(at)
     toward = rng.uniform(-3.0, 3.0, 3) - at
@@ -230,7 +228,7 @@ def _light(rng: Rng, folder: Path, place: int) -> Light:
     )  # fmt: skip
 
 
-def _lighting(rng: Rng, folder: Path) -> Lighting:
+def _lighting(rng, folder):
     environment = None
     if rng.random() < 0.4:
         image = folder / f"{_pick(rng, (1, 7))}.png" if rng.random() < 0.5 else None

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
@@ -36,12 +36,12 @@ class Case(Generic[T]):
     traits: frozenset[str] = frozenset()
 
 
-def only(cases: tuple[Case[T], ...], trait: str) -> tuple[Case[T], ...]:
+def only(cases, trait):
     """Cases that have a trait."""
     return tuple(case for case in cases if trait in case.traits)
 
 
-def pairwise(*axes: Sequence[Any]) -> list[tuple[Any, ...]]:
+def pairwise(*axes):
     """Rows of one value from each axis, in which every two values of two axes meet."""
     sides = [range(len(axis)) for axis in axes]
     left = {

@@ -22,17 +22,17 @@ MERGED = "would leave"
 NO_AREA = dict.fromkeys(("atlas", "study"), "none of its 2 faces has an area")
 
 
-def mesh_of(positions: object, faces: object, **fields: object) -> Mesh:
+def mesh_of(positions, faces, **fields):
     """Mesh of nested lists."""
     return Mesh(positions=np.array(positions, float), faces=np.array(faces, np.int32), **fields)
 
 
-def moved(mesh: Mesh, scale: float = 1.0, offset: tuple[float, float, float] = (0, 0, 0)) -> Mesh:
+def moved(mesh, scale=1.0, offset=(0, 0, 0)):
     """Mesh scaled about the origin and then moved."""
     return mesh.replace(positions=mesh.positions * scale + np.array(offset, float))
 
 
-def with_faces(mesh: Mesh, faces: object, positions: object = ()) -> Mesh:
+def with_faces(mesh, faces, positions=()):
     """Mesh without coordinates, with more positions and faces at the end of its lists."""
     points = np.array(positions, float).reshape(-1, 3)
     return mesh_of(
@@ -41,7 +41,7 @@ def with_faces(mesh: Mesh, faces: object, positions: object = ()) -> Mesh:
     )
 
 
-def joined(*meshes: Mesh) -> Mesh:
+def joined(*meshes):
     """Several meshes as one, without their coordinates."""
     starts = np.cumsum([0, *(mesh.n_vertices for mesh in meshes)])
     return mesh_of(
@@ -50,13 +50,13 @@ def joined(*meshes: Mesh) -> Mesh:
     )
 
 
-def _turned(mesh: Mesh, every: int = 1) -> Mesh:
+def _turned(mesh, every=1):
     faces = mesh.faces.copy()
     faces[::every] = faces[::every, ::-1]
     return mesh_of(mesh.positions, faces)
 
 
-def _needles() -> Mesh:
+def _needles():
     """Flat fan of 16 needles, each 1 long and 1e-8 wide, closed by two wide faces."""
     angles = np.arange(17) * 1e-8
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(17)])
@@ -65,7 +65,7 @@ def _needles() -> Mesh:
     return mesh_of(points, [*fan, [0, 17, 18], [0, 19, 1]])
 
 
-def _caps() -> Mesh:
+def _caps():
     """Square with a row of caps (flat obtuse triangles) along a side, 1e8 times as wide as high."""
     x = np.arange(9) / 8.0
     bottom = np.column_stack([x, np.zeros(9), np.zeros(9)])
@@ -75,20 +75,20 @@ def _caps() -> Mesh:
     return mesh_of(np.concatenate([bottom, peaks, [[0.5, 1.0, 0.0]]]), [*caps, *body])
 
 
-def _edge_of_five() -> Mesh:
+def _edge_of_five():
     angles = np.arange(5) * 2.0 * np.pi / 5.0
     rim = np.column_stack([np.cos(angles), np.zeros(5), np.sin(angles)])
     return mesh_of(np.concatenate([[[0, 0, 0], [0, 1, 0]], rim]), [[0, 1, i + 2] for i in range(5)])
 
 
-def _bow_tie() -> Mesh:
+def _bow_tie():
     tip = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]]
     up = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
     down = [[0, 4, 5], [0, 6, 4], [0, 5, 6], [4, 6, 5]]
     return mesh_of(tip, up + down)
 
 
-def _fan(n: int) -> Mesh:
+def _fan(n):
     angles = np.arange(n) * 2.0 * np.pi / n
     rim = np.column_stack([np.cos(angles), np.sin(angles), 0.1 * np.sin(3.0 * angles)])
     return mesh_of(
@@ -96,7 +96,7 @@ def _fan(n: int) -> Mesh:
     )
 
 
-def _t_junctions() -> Mesh:
+def _t_junctions():
     """A square whose one half has a vertex more on the common edge than the other."""
     return mesh_of(
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 0]],
@@ -104,14 +104,14 @@ def _t_junctions() -> Mesh:
     )
 
 
-def _crossing(shift: tuple[float, float, float]) -> Mesh:
+def _crossing(shift):
     """Two sheets at right angles, the one through the middle of the other but for a shift."""
     upright = moved(plane(2, 2), 1.0, (-0.5, -0.5, 0.0))
     turned = mesh_of(upright.positions[:, [2, 1, 0]], upright.faces)
     return joined(upright, moved(turned, 1.0, shift))
 
 
-def _one_step_apart() -> Mesh:
+def _one_step_apart():
     """A square whose middle vertices are doubled, one float64 step apart, with slivers between."""
     step = np.nextafter(0.5, 1.0)
     return mesh_of(
@@ -121,7 +121,7 @@ def _one_step_apart() -> Mesh:
     )  # fmt: skip
 
 
-def _zero_normals() -> Mesh:
+def _zero_normals():
     mesh = icosphere(1)
     normals = mesh.positions.copy()
     normals[::2] = 0.0
@@ -129,7 +129,7 @@ def _zero_normals() -> Mesh:
     return mesh.replace(normals=normals, normal_faces=mesh.faces)
 
 
-def _signed_zeros() -> Mesh:
+def _signed_zeros():
     """A cube in which every face has vertices of its own, half of them with -0.0 for 0.0."""
     box = moved(cube(), 1.0, (0.5, 0.5, 0.5))
     points = box.positions[box.faces].reshape(-1, 3).copy()
@@ -137,14 +137,14 @@ def _signed_zeros() -> Mesh:
     return mesh_of(points, np.arange(len(points)).reshape(-1, 3))
 
 
-def _split() -> Mesh:
+def _split():
     ball = icosphere(1)
     return mesh_of(
         ball.positions[ball.faces].reshape(-1, 3), np.arange(3 * ball.n_faces).reshape(-1, 3)
     )
 
 
-def _degenerate_among() -> Mesh:
+def _degenerate_among():
     return with_faces(
         icosphere(1),
         [[0, 0, 1], [2, 2, 2], [42, 43, 44], [45, 45, 45]],
@@ -152,11 +152,11 @@ def _degenerate_among() -> Mesh:
     )
 
 
-def _thin_wall() -> Mesh:
+def _thin_wall():
     return mesh_of(cube().positions * [1.0, 1.0, 1e-5], cube().faces)
 
 
-def _spread_of_scales() -> Mesh:
+def _spread_of_scales():
     sizes = (1.0, 1e-3, 1e-6, 1e-9)
     return joined(*(moved(cube(), size, (2.0 * i, 0.0, 0.0)) for i, size in enumerate(sizes)))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import numpy.typing as npt
 from catalog.case import Case
@@ -11,19 +9,19 @@ from catalog.case import Case
 Array = npt.NDArray[np.float32]
 
 
-def _noise(height: int, width: int) -> Callable[[], Array]:
-    def make() -> Array:
+def _noise(height, width):
+    def make():
         return np.random.default_rng(7).random((height, width, 3)).astype(np.float32)
 
     return make
 
 
-def _constant(value: float) -> Callable[[], Array]:
+def _constant(value):
     return lambda: np.full((6, 5, 3), value, np.float32)
 
 
-def _with(value: float, *, every: int = 7) -> Callable[[], Array]:
-    def make() -> Array:
+def _with(value, *, every=7):
+    def make():
         image = _noise(9, 8)()
         image.reshape(-1, 3)[::every] = value
         return image
@@ -31,18 +29,18 @@ def _with(value: float, *, every: int = 7) -> Callable[[], Array]:
     return make
 
 
-def _flat_normals() -> Array:
+def _flat_normals():
     return np.tile(np.array([0.0, 0.0, 1.0], np.float32), (8, 8, 1))
 
 
-def _opposite_normals() -> Array:
+def _opposite_normals():
     """Normals that cancel in every block of the next mip level."""
     image = np.zeros((8, 8, 3), np.float32)
     image[..., 0] = np.where(np.indices((8, 8)).sum(axis=0) % 2, 1.0, -1.0)
     return image
 
 
-def _one_spike() -> Array:
+def _one_spike():
     image = np.zeros((8, 8, 3), np.float32)
     image[3, 4] = 1e30
     return image

@@ -22,17 +22,17 @@ class Mapping:
     widest: tuple[float, float] = (np.inf, np.inf)
 
 
-def _ball() -> Mesh:
+def _ball():
     return uv_sphere(8, 16).replace(uvs=None, uv_faces=None)
 
 
-def _around_an_axis() -> Mesh:
+def _around_an_axis():
     """Faces with corners on the axis, at its middle, above one another."""
     points = [[0, -1, 0], [0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 0, 1]]
     return mesh_of(points, [[0, 1, 2], [0, 2, 3], [1, 3, 4], [2, 3, 4]])
 
 
-def _near_the_pole() -> Mesh:
+def _near_the_pole():
     """A cap of 1e-9 about the pole of a sphere: the arc cosine of its heights is 0 or 1e-8."""
     angles = np.arange(6) * np.pi / 3.0
     rim = np.column_stack([1e-9 * np.cos(angles), np.ones(6), 1e-9 * np.sin(angles)])
@@ -40,7 +40,7 @@ def _near_the_pole() -> Mesh:
     return mesh_of(points, [[(i + 1) % 6, i, 6] for i in range(6)] + [[0, 2, 7]])
 
 
-def _rays_along(surface: str, via: str) -> Mapping:
+def _rays_along(surface, via):
     """A cube, whose normals run along the plane, the mantle, the caps or the box."""
     return Mapping(cube(), {"method": "two-part", "surface": surface, "via": via})
 

@@ -20,7 +20,7 @@ class Pair(NamedTuple):
     height: float
 
 
-def sheets(*places: tuple[float, float, int]) -> Mesh:
+def sheets(*places):
     """Unit squares at (x, z), each a chart; those of sign -1 face down."""
     square, n = plane(), len(places)
     positions, faces, uvs = [], [], []
@@ -33,13 +33,13 @@ def sheets(*places: tuple[float, float, int]) -> Mesh:
     return mesh_of(np.concatenate(positions), corners, uvs=np.concatenate(uvs), uv_faces=corners)
 
 
-def _thin_wall() -> Pair:
+def _thin_wall():
     """A wall of 0.01 beside a sheet whose high-poly surface lies 0.1 behind the low-poly one."""
     low, high = (sheets((0, 0, 1), (0, -0.01, -1), (3, z, 1)) for z in (0.0, -0.1))
     return Pair(high, low, 0.0)
 
 
-def _one_triangle() -> Pair:
+def _one_triangle():
     """One large high-poly triangle above many low-poly ones."""
     high = mesh_of([[-9.0, -9.0, 0.01], [9.0, -9.0, 0.01], [0.0, 19.0, 0.01]], [[0, 1, 2]])
     return Pair(high, plane(16, 16), 0.01)

@@ -24,16 +24,16 @@ class Aimed(NamedTuple):
     must_hit: bool
 
 
-def _unit(vectors: Array) -> Array:
+def _unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def _at_vertices(mesh: Mesh) -> Aimed:
+def _at_vertices(mesh):
     targets = LocalFrame.around(mesh).to_local(mesh.positions)
     return Aimed(mesh, targets, -_unit(targets), True)
 
 
-def _at_edges(mesh: Mesh) -> Aimed:
+def _at_edges(mesh):
     """At many places along each edge; that of a convex mesh is seen from along its middle."""
     points = LocalFrame.around(mesh).to_local(mesh.positions)
     starts = points[mesh.faces].reshape(-1, 3)
@@ -42,7 +42,7 @@ def _at_edges(mesh: Mesh) -> Aimed:
     return Aimed(mesh, targets, -_unit(targets), True)
 
 
-def _along_faces() -> Aimed:
+def _along_faces():
     """Along the sides of a cube, in their very planes."""
     mesh = cube()
     points = LocalFrame.around(mesh).to_local(mesh.positions)
@@ -51,7 +51,7 @@ def _along_faces() -> Aimed:
     return Aimed(mesh, middles, _unit(edges), False)
 
 
-def _touching() -> Aimed:
+def _touching():
     """Lines that touch a ball at its vertices."""
     mesh = icosphere(4)
     targets = LocalFrame.around(mesh).to_local(mesh.positions)

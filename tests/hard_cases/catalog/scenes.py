@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from catalog.case import Case
 from catalog.geometry import mesh_of, moved
@@ -15,7 +13,6 @@ from texbake import (
     Light,
     Lighting,
     Material,
-    Mesh,
     RenderOptions,
     Scene,
     SceneObject,
@@ -29,36 +26,31 @@ SMALL = RenderOptions(width=48, height=32)
 SUN = Light(direction=(-1.0, -2.0, -1.5), shadow=Shadow(size=64))
 
 
-def scene(
-    *objects: SceneObject,
-    lights: tuple[Light, ...] = (SUN,),
-    view: CameraView | None = None,
-    **options: object,
-) -> Scene:
+def scene(*objects, lights=(SUN,), view=None, **options):
     """Scene of objects under a few lights and a little ambient light."""
     lighting = Lighting(lights=lights, ambient=Ambient(color=(0.1, 0.1, 0.1)), **options)
     return Scene(objects=objects, lighting=lighting, view=view)
 
 
-def floor(size: float = 2.0, height: float = 0.0) -> Mesh:
+def floor(size=2.0, height=0.0):
     """Square in the plane y = height, facing up, about the axis."""
     flat = plane(2, 2)
     x, y = (flat.positions[:, :2] - 0.5).T * size
     return flat.replace(positions=np.column_stack([x, np.full(len(x), height), -y]))
 
 
-def looking(position: tuple[float, float, float], target: tuple[float, float, float]) -> CameraView:
+def looking(position, target):
     """View from one point to another."""
     return CameraView(position=position, target=target)
 
 
-def checker(**fields: object) -> ImageTexture:
+def checker(**fields):
     """Checker of 8 x 8 cells as an image."""
     cells = (np.indices((64, 64)) // 8).sum(axis=0) % 2
     return ImageTexture(image=np.repeat(cells[..., None], 3, axis=2).astype(np.float32), **fields)
 
 
-def _grazing(image_filter: str) -> Scene:
+def _grazing(image_filter):
     ground = SceneObject(
         mesh=floor(1e6),
         material=Material(base_color=checker(filter=image_filter, scale=(1e5, 1e5))),
@@ -66,32 +58,32 @@ def _grazing(image_filter: str) -> Scene:
     return scene(ground, view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)))
 
 
-def _layers(n: int) -> Mesh:
+def _layers(n):
     """Squares one behind the other, the farthest first, so that each sample is drawn n times."""
     flat = plane(1, 1)
     points = [flat.positions - [0.5, 0.5, 1.0 - i / n] for i in range(n)]
     return mesh_of(np.concatenate(points), np.concatenate([flat.faces + 4 * i for i in range(n)]))
 
 
-def _ball(**material: object) -> SceneObject:
+def _ball(**material):
     return SceneObject(mesh=uv_sphere(12, 24), material=Material(**material))
 
 
-def _sky() -> Environment:
+def _sky():
     sky = np.random.default_rng(2).random((16, 32, 3)).astype(np.float32)
     return Environment(image=sky, lighting=True, size=16)
 
 
-def _inside_glass(index: float) -> Callable[[], Scene]:
-    def make() -> Scene:
+def _inside_glass(index):
+    def make():
         glass = _ball(refraction=Refraction(ior=index), double_sided=True)
         return scene(glass, environment=_sky(), view=looking((0.0, 0.0, 0.9), (0.0, 0.2, 0.0)))
 
     return make
 
 
-def _light_at(position: tuple[float, float, float], kind: str = "point") -> Callable[[], Scene]:
-    def make() -> Scene:
+def _light_at(position, kind="point"):
+    def make():
         light = Light(
             kind=kind, position=position, direction=(1.0, 0.0, 0.0), shadow=Shadow(size=32)
         )
@@ -100,7 +92,7 @@ def _light_at(position: tuple[float, float, float], kind: str = "point") -> Call
     return make
 
 
-def _materials_at_their_ends() -> Scene:
+def _materials_at_their_ends():
     ends = (
         Material(shading="blinn-phong", exponent=0.0),
         Material(shading="blinn-phong", exponent=1e9),
@@ -114,8 +106,8 @@ def _materials_at_their_ends() -> Scene:
     return scene(*balls, environment=_sky())
 
 
-def _with_normal_map(value: float) -> Callable[[], Scene]:
-    def make() -> Scene:
+def _with_normal_map(value):
+    def make():
         vectors = np.zeros((8, 8, 3), np.float32)
         vectors[..., 2] = 1.0
         vectors[::3] = value

@@ -19,13 +19,13 @@ NOTHING_COVERED = {
 }
 
 
-def with_uvs(mesh: Mesh, uvs: object, uv_faces: object = None) -> Mesh:
+def with_uvs(mesh, uvs, uv_faces=None):
     """Mesh with other coordinates, by position unless corners are given."""
     corners = mesh.faces if uv_faces is None else np.array(uv_faces, np.int32)
     return mesh.replace(uvs=np.array(uvs, float), uv_faces=corners)
 
 
-def beside(mesh: Mesh, *triangles: object) -> Mesh:
+def beside(mesh, *triangles):
     """A square over the middle of the texture, and more faces with coordinates as given."""
     extra = np.array(triangles, float).reshape(-1, 2)
     points = np.column_stack([extra * 0.0, np.zeros(len(extra))])
@@ -42,24 +42,24 @@ def beside(mesh: Mesh, *triangles: object) -> Mesh:
     )
 
 
-def _inner(low: float = 0.25, high: float = 0.75) -> Mesh:
+def _inner(low=0.25, high=0.75):
     square = plane(2, 2)
     return with_uvs(square, low + (high - low) * square.uvs)
 
 
-def _half_texels() -> Mesh:
+def _half_texels():
     """Corners exactly at centers of texels of a 16 x 16 map, on both sides of every edge."""
     square = plane(3, 3)
     return with_uvs(square, (2.5 + 4.0 * square.uvs * 3.0) / 16.0)
 
 
-def _mirrored_halves() -> Mesh:
+def _mirrored_halves():
     """Both halves of a strip on the same half of the texture; the middle vertices are shared."""
     strip = plane(4, 1)
     return with_uvs(strip, np.column_stack([np.abs(strip.uvs[:, 0] - 0.5), strip.uvs[:, 1]]))
 
 
-def _opposing() -> Mesh:
+def _opposing():
     """Two faces whose u runs towards the common edge from both sides, corners welded."""
     return mesh_of(
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0]],
@@ -69,7 +69,7 @@ def _opposing() -> Mesh:
     )
 
 
-def _straddling() -> Mesh:
+def _straddling():
     """A sphere whose coordinates are by vertex, so that one column runs back over the texture."""
     ball = uv_sphere(4, 8)
     theta = np.arctan2(ball.positions[:, 1], ball.positions[:, 0]) / (2.0 * np.pi) + 0.5
@@ -77,7 +77,7 @@ def _straddling() -> Mesh:
     return with_uvs(ball, np.column_stack([theta, 1.0 - height]))
 
 
-def _pole_in_a_face() -> Mesh:
+def _pole_in_a_face():
     """A sphere turned so that its poles lie within faces, with coordinates by vertex."""
     ball = icosphere(1)
     middle = ball.positions[ball.faces[0]].mean(axis=0)
@@ -89,7 +89,7 @@ def _pole_in_a_face() -> Mesh:
 
 
 @cache
-def in_cells(case: Case[Mesh]) -> Mesh:
+def in_cells(case):
     """Mesh of a case, with its own coordinates or one cell for each face, without any unwrap."""
     mesh = case.make()
     if mesh.uvs is not None:
