@@ -77,3 +77,13 @@ static inline struct nearness closest_on_triangle(
     }
     return best;
 }
+
+/* Whether the plane of a triangle is farther from a point than the square says, by more than rounding
+   can change. That is known without a division. */
+static inline bool is_beyond(struct vector ab, struct vector ac, struct vector ap, double squared)
+{
+    const struct vector normal = cross(ab, ac);
+    const double height = dot(normal, ap), ab_ab = dot(ab, ab), ac_ac = dot(ac, ac);
+    const double rounding = 1e-24 * ab_ab * ac_ac * (ab_ab + ac_ac + dot(ap, ap));
+    return height * height > 1.001 * squared * dot(normal, normal) + rounding;
+}

@@ -55,9 +55,13 @@ static struct patch patch_of(
     return patch;
 }
 
-static double distance_to(const struct patch *patch, struct vector p)
+/* The distance of a point; infinite where it is clearly greater than `most`. */
+static double distance_to(const struct patch *patch, struct vector p, double most)
 {
-    return sqrt(closest_on_triangle(patch->ab, patch->ac, minus(p, patch->a)).squared);
+    const struct vector ap = minus(p, patch->a);
+    if (is_beyond(patch->ab, patch->ac, ap, most * most))
+        return INFINITY;
+    return sqrt(closest_on_triangle(patch->ab, patch->ac, ap).squared);
 }
 
 /* Whether any point of a block may lie within a distance of the triangle. */
@@ -68,7 +72,7 @@ static bool may_reach(const struct patch *patch, const int64_t block[3], double 
     const struct vector middle = {
         BLOCK_SIDE * (double)block[0] + 3.5, BLOCK_SIDE * (double)block[1] + 3.5,
         BLOCK_SIDE * (double)block[2] + 3.5};
-    return distance_to(patch, middle) <= width + BLOCK_RADIUS;
+    return distance_to(patch, middle, width + BLOCK_RADIUS) <= width + BLOCK_RADIUS;
 }
 
 /* Mark the blocks of layers start to stop - 1 along the first axis that have points near a triangle.
@@ -108,7 +112,7 @@ static void measure_block(const struct patch *patch, const int64_t block[3], flo
                 const struct vector offset = minus(p, patch->center);
                 const double reach = *distance + patch->radius;
                 if (dot(offset, offset) < reach * reach)
-                    *distance = min_f32(*distance, (float)distance_to(patch, p));
+                    *distance = min_f32(*distance, (float)distance_to(patch, p, *distance));
             }
 }
 

@@ -182,7 +182,10 @@ static int32_t closest_face(
             const struct vector ac = minus(corner_of(tree, face, 2), a);
             if (direction != NULL && !faces_along(ab, ac, *direction))
                 continue;
-            const struct nearness near = closest_on_triangle(ab, ac, minus(p, a));
+            const struct vector ap = minus(p, a);
+            if (is_beyond(ab, ac, ap, best->squared))
+                continue;
+            const struct nearness near = closest_on_triangle(ab, ac, ap);
             if (near.squared < best->squared || (near.squared == best->squared && best_face < 0)) {
                 *best = near;
                 best_face = face;
