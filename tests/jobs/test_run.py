@@ -380,15 +380,16 @@ def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(high, tmp_pa
 
 @pytest.mark.parametrize("preset", PROGRAMS)
 def test_options_that_are_given_win_over_a_preset(preset):
-    target, chosen = PROGRAMS[preset], RunOptions(preset=preset)
-    assert (chosen.size, chosen.padding) == (target.size, target.padding)
-    assert (chosen.bits, chosen.convention) == (target.normal_bits, target.convention)
     given = {"size": 512, "padding": 3, "bits": 8, "convention": "directx"}
-    own = RunOptions(preset=preset, **given)
-    assert {name: getattr(own, name) for name in given} == given
+    target, own = PROGRAMS[preset], RunOptions(preset=preset, **given)
+    assert {name: own.chosen(name) for name in given} == given
+    for other in PROGRAMS:  # a preset may change in a copy
+        changed = replace(RunOptions(preset=other, convention="opengl"), preset=preset)
+        sizes = (target.size, target.padding, target.normal_bits, "opengl")
+        assert tuple(map(changed.chosen, given)) == sizes
     # The padding of a preset is for its size.
     half = RunOptions(preset=preset, size=target.size // 2)
-    assert half.padding == target.padding // 2
+    assert half.chosen("padding") == target.padding // 2
 
 
 def test_levels_share_the_layout_and_have_smaller_maps(high, tmp_path):

@@ -179,12 +179,7 @@ def finish(
     if output is not None:
         _check_output(output)
     _check_names(changes)
-    if options is None:
-        chosen = RunOptions(**{"n_faces": _N_FACES, **changes})
-    elif "preset" in changes:
-        raise OptionError("preset: it chooses other options too; give it to RunOptions")
-    else:
-        chosen = replace(options, **changes)
+    chosen = replace(options or RunOptions(n_faces=_N_FACES), **changes)
     if chosen.levels:
         raise OptionError("levels: a finished model is one mesh; use run for levels of detail")
     if changes.get("compare", "off") != "off":

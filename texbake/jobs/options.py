@@ -68,9 +68,8 @@ class RunOptions(CheckedOptions):
     """How `run` goes from a high-poly mesh to a finished asset.
 
     The normal map inside the GLB file is always OpenGL's, because glTF demands it. The base color
-    is sRGB-coded. A preset sets `size`, `padding`, `bits` and `convention` when the object is
-    made; to change the preset in a copy, make these fields None: ``replace(options,
-    preset="unreal", size=None, padding=None, bits=None, convention=None)``.
+    is sRGB-coded. Where `size`, `padding`, `bits` or `convention` is None, `chosen` is that of the
+    preset.
     """
 
     n_faces: Annotated[int | None, option_of(SimplifyOptions, "n_faces")] = DEFAULT_FACES
@@ -104,13 +103,18 @@ class RunOptions(CheckedOptions):
         low=MIN_FACES,
         default="none",
     )
-    size: Size = option(  # type: ignore[assignment]
-        None, replace(option_of(BakeOptions, "size"), default=f"{OWN_FILES.size}, or of the preset")
-    )
-    padding: Annotated[
-        int | None, replace(PADDING_OPTION, default=f"{PADDING_DEFAULT}; or of the preset")
+    size: Annotated[
+        Size | None,
+        replace(option_of(BakeOptions, "size"), default=f"{OWN_FILES.size}, or of the preset"),
     ] = None
-    bits: int = option(  # type: ignore[assignment]
+    padding: Annotated[
+        int | None,
+        replace(
+            PADDING_OPTION,
+            default=f"{PADDING_DEFAULT}; or of the preset, in proportion to the size",
+        ),
+    ] = None
+    bits: int | None = option(
         None,
         "Bits per channel of the normal map.",
         choices=BITS[:2],
@@ -125,7 +129,7 @@ class RunOptions(CheckedOptions):
     ] = None
     max_error: Annotated[str | None, option_of(BakeOptions, "max_error")] = None
     time_budget: Annotated[str | float | None, option_of(BakeOptions, "time_budget")] = None
-    convention: str = option(  # type: ignore[assignment]
+    convention: str | None = option(
         None,
         "Green channel of the normal map: +Y up (opengl) or +Y down (directx); in the GLB "
         "file it is always opengl.",
@@ -148,9 +152,6 @@ class RunOptions(CheckedOptions):
         super().__post_init__()
         if isinstance(self.maps, str):
             raise OptionError(f'maps: {self.maps} is one name; give a tuple, such as ("ao",)')
-        for name, value in self._chosen_by_target():
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, value)
         check_target(self.n_faces, self.error)
         check_angle(self.normals, self.angle)
         counts = (*(() if self.n_faces is None else (self.n_faces,)), *(self.levels or ()))
@@ -178,24 +179,29 @@ class RunOptions(CheckedOptions):
         is_packed = target.packing is not None and not target.embeds
         return self.preset is not None and is_packed and "ao" in self.own_maps
 
-    def _chosen_by_target(self) -> list[tuple[str, Any]]:
-        target = self.target
-        size = target.size if self.size is None else self.size
-        side = size if isinstance(size, int) else min(size)
-        padding = max(1, target.padding * side // target.size)
-        return [
-            ("size", size), ("bits", target.normal_bits), ("convention", target.convention),
-            ("padding", None if self.preset is None else padding),
-        ]  # fmt: skip
+    def chosen(self, name: str) -> Any:
+        """Return `size`, `padding`, `bits` or `convention`: as given, or else of the preset.
+
+        The padding of a preset is in proportion to the size; without a preset, it is None.
+        """
+        given, target = getattr(self, name), self.target
+        if given is not None or (name == "padding" and self.preset is None):
+            return given
+        if name == "padding":
+            size = self.chosen("size")
+            side = size if isinstance(size, int) else min(size)
+            return max(1, target.padding * side // target.size)
+        return getattr(target, "normal_bits" if name == "bits" else name)
 
     def unwrap_options(self) -> UnwrapOptions:
         """Return how the low-poly mesh gets its texture coordinates."""
-        return UnwrapOptions(size=self.size, padding=self.padding, seams_at_hard_edges=True)
+        size, padding = self.chosen("size"), self.chosen("padding")
+        return UnwrapOptions(size=size, padding=padding, seams_at_hard_edges=True)
 
     def at_level(self, n_finest: int, n_faces: int, padding: int) -> RunOptions:
         """Return options for the maps of a coarser level, given the padding of the atlas."""
         n_halvings = max(0, (n_finest // n_faces).bit_length() - 1) // 2
-        size = scaled_size(self.size, n_halvings)
+        size = scaled_size(self.chosen("size"), n_halvings)
         padding = max(min(padding, 1), padding >> n_halvings)
         return replace(self, size=size, padding=padding, time_budget=None)
 
@@ -208,12 +214,12 @@ class RunOptions(CheckedOptions):
         """
         return BakeOptions(
             maps=tuple(dict.fromkeys((*self.own_maps, *channels))),
-            size=self.size,
+            size=self.chosen("size"),
             padding=padding or 0,
             samples=self._bake_samples,
             max_error=self.max_error,
             time_budget=self.time_budget,
-            convention=self.convention,
+            convention=self.chosen("convention"),
             fill="push-pull",
             orientation="keep",  # flipped before it is simplified
             threads=self.threads,

@@ -63,7 +63,7 @@ def coded_map(baked: BakeResult, name: str, options: RunOptions) -> BakedMap:
     made = baked.maps[name]
     if name != "normal":
         return made
-    return replace(made, options=replace(made.options, bits=options.bits))
+    return replace(made, options=replace(made.options, bits=options.chosen("bits")))
 
 
 def write_asset(
@@ -202,15 +202,13 @@ def _write_settings(
     apart: Sequence[str],
 ) -> None:
     """Write import files and settings of all levels, maps of `apart` not in the material."""
-    maps = []
+    maps, convention = [], options.chosen("convention")
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}
         heights = {
             word: float(found.metadata[key]) for word, key in keys.items() if key in found.metadata
         }
-        flips = (
-            name in ("normal", "bent-normal") and options.convention != options.target.convention
-        )
+        flips = name in ("normal", "bent-normal") and convention != options.target.convention
         kind = f"baked-{name}" if name in apart else name
         maps.append(ExportedMap(kind=kind, tile="", path=files[name], flips=flips, **heights))
     packing = options.target.packing
@@ -222,8 +220,8 @@ def _write_settings(
     asset = mesh_file.stem.removeprefix(options.target.mesh_name.removesuffix("{asset}"))
     folder, exported = mesh_file.parent, replace(_export_options(options), name=asset)
     imports = write_imports(folder, exported, mesh_file, maps)
-    if options.convention != options.target.convention:
-        notes.append(f"{files['normal'].name}: green is {options.convention}, as you chose it.")
+    if convention != options.target.convention:
+        notes.append(f"{files['normal'].name}: green is {convention}, as you chose it.")
     for number, path in enumerate(imports):
         files[f"import{number or ''}"] = path
     if "settings" not in files:

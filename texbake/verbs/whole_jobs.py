@@ -21,7 +21,6 @@ from texbake.verbs.step import (
     Settings,
     Sizes,
     n_faces,
-    n_texels,
     stage_seconds,
     step_of,
     without_timings,
@@ -156,8 +155,9 @@ def _run_step(job: Job) -> dict[str, Any]:
 def _run_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate: what simplifies the mesh and what bakes it, of which the larger one counts."""
     n_high = n_faces(sizes, "high")
-    maps = RUN.made(settings).own_maps
-    return max(bake_memory(n_high, 1000, n_texels(settings), maps), PROCESS + 300 * n_high)
+    bake = RUN.made(settings).bake_options()
+    n_texels = bake.width_px * bake.height_px
+    return max(bake_memory(n_high, 1000, n_texels, bake.maps), PROCESS + 300 * n_high)
 
 
 RUN = step_of(
