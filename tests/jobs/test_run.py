@@ -2,7 +2,10 @@
 
 import json
 import re
+import runpy
+import sys
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -360,6 +363,17 @@ def test_levels_of_a_preset_have_import_files_of_their_own(high, tmp_path):
         if preset in ("unreal", "unity"):
             script = found[0].read_text()
             assert {main.name, made.files["lod1_normal"].name} <= set(re.findall(r"[\w.]+", script))
+
+
+def test_the_script_for_unreal_makes_one_mesh_of_all_levels(high, tmp_path, monkeypatch):
+    unreal = MagicMock(StaticMesh=MagicMock, Texture=MagicMock)
+    unreal.AssetImportTask().get_editor_property.return_value = ["/Game/ball/asset"]
+    monkeypatch.setitem(sys.modules, "unreal", unreal)
+    made = run(high, tmp_path, replace(QUICK, preset="unreal", levels=(80, 40)))
+    runpy.run_path(str(made.files["import"]))
+    calls = unreal.get_editor_subsystem().set_lod_from_static_mesh.call_args_list
+    assert [call.args[1] for call in calls] == [1, 2]
+    assert "The script adds it" in made.files["settings"].read_text()
 
 
 def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(high, tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -91,9 +92,7 @@ def write_asset(
         if options.packs_occlusion:
             notes = _pack_occlusion(baked, files["orm"], options)
     if options.preset is not None:
-        # A material of the model has its own occlusion, or none.
-        apart = () if materials is None else ("ao",)
-        _write_settings(files, written, notes, options, apart)
+        _write_settings(files, written, notes, options, materials)
 
 
 def _write_plain(baked: BakeResult, low: Mesh, files: dict[str, Path], options: RunOptions) -> None:
@@ -199,27 +198,33 @@ def _write_settings(
     written: Mapping[str, WrittenMap],
     notes: list[str],
     options: RunOptions,
-    apart: Sequence[str],
+    materials: Materials | None,
 ) -> None:
-    """Write import files and settings of all levels, maps of `apart` not in the material."""
-    maps, convention = [], options.chosen("convention")
+    """Write import files, and with those of the finest level the settings of all levels."""
+    maps, convention, alpha = [], options.chosen("convention"), "opaque"
+    if materials is not None:
+        alpha = min(item.alpha_mode for item in materials.materials)  # blend, mask, opaque
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}
-        heights = {
+        heights: dict[str, Any] = {
             word: float(found.metadata[key]) for word, key in keys.items() if key in found.metadata
         }
         flips = name in ("normal", "bent-normal") and convention != options.target.convention
-        kind = f"baked-{name}" if name in apart else name
+        # A material of the model has its own occlusion, or none.
+        kind = f"baked-{name}" if name == "ao" and materials is not None else name
         maps.append(ExportedMap(kind=kind, tile="", path=files[name], flips=flips, **heights))
     packing = options.target.packing
     for name in ("base_color", "orm", "emissive"):
         if name in files:
             kind = (packing or name) if name == "orm" else name.replace("_", "-")
-            maps.append(ExportedMap(kind=kind, tile="", path=files[name]))
+            own_alpha = alpha if name == "base_color" else "opaque"
+            maps.append(ExportedMap(kind=kind, tile="", path=files[name], alpha=own_alpha))
     mesh_file = files.get("glb") or files["mesh"]
     asset = mesh_file.stem.removeprefix(options.target.mesh_name.removesuffix("{asset}"))
     folder, exported = mesh_file.parent, replace(_export_options(options), name=asset)
-    imports = write_imports(folder, exported, mesh_file, maps)
+    counts = (options.levels or ()) if "settings" in files else ()
+    levels = [f"{asset}_lod{number}" for number, _ in enumerate(counts, 1)]
+    imports = write_imports(folder, exported, mesh_file, maps, levels)
     if convention != options.target.convention:
         notes.append(f"{files['normal'].name}: green is {convention}, as you chose it.")
     for number, path in enumerate(imports):
@@ -227,10 +232,11 @@ def _write_settings(
     if "settings" not in files:
         return
     own = "maps and import files" if imports else "maps"
-    for number, n_faces in enumerate(options.levels or (), 1):
-        name = options.target.mesh_stem(f"{asset}_lod{number}") + mesh_file.suffix
+    remedy = "The script adds it" if options.preset == "unreal" else "Set it up as the finest"
+    for level, n_faces in zip(levels, counts, strict=True):
+        name = options.target.mesh_stem(level) + mesh_file.suffix
         notes.append(
-            f"{name}: the level of detail of {n_faces:,} triangles. Set it up as the finest; it "
-            f"has its own {own}, with lod{number} in their names."
+            f"{name}: the level of detail of {n_faces:,} triangles. {remedy}; it has its own "
+            f"{own}, with {level.removeprefix(f'{asset}_')} in their names."
         )
     write_settings(folder, exported, mesh_file, maps, imports, notes=notes)

@@ -12,7 +12,8 @@ from pxr import Usd, UsdShade
 
 from texbake import OptionError, RunOptions, run
 from texbake.jobs.export.export import export_asset
-from texbake.jobs.export.programs import ExportOptions
+from texbake.jobs.export.imports import write_imports
+from texbake.jobs.export.programs import ExportedMap, ExportOptions
 from texbake.mesh.files.openpbr import materialx_document, openpbr_nodes
 from texbake.mesh.shapes import uv_sphere
 from texbake.targets import PROGRAMS
@@ -155,6 +156,18 @@ def test_the_script_for_unity_is_balanced_and_names_the_files(export, name):
             if written.kind not in ("base-color", "emissive")
         ),
     }
+
+
+@pytest.mark.parametrize("mode", ["opaque", "mask", "blend"])
+def test_scripts_connect_the_alpha_of_a_base_color(tmp_path, mode):
+    maps = [ExportedMap(kind="base-color", tile="", path=tmp_path / "a.png", alpha=mode)]
+    texts = [
+        write_imports(tmp_path, ExportOptions(to=to), tmp_path / "a.obj", maps)[0].read_text()
+        for to in ("unreal", "unity")
+    ]
+    place = {"opaque": None, "mask": "MP_OPACITY_MASK", "blend": "MP_OPACITY"}[mode]
+    assert ("{'RGB': 'MP_BASE_COLOR'}" if place is None else f"'A': '{place}'") in texts[0]
+    assert ('"_AlphaClip"' in texts[1]) == ('{ "_ALPHATEST_ON" }' in texts[1]) == (mode == "mask")
 
 
 def test_presets_for_godot(export):

@@ -31,6 +31,8 @@ _UNREAL: dict[str, tuple[tuple[str, str], dict[str, str]]] = {
     "displacement": (("TC_GRAYSCALE", "SAMPLERTYPE_LINEAR_GRAYSCALE"), {}),
     "bent-normal": (("TC_NORMALMAP", "SAMPLERTYPE_NORMAL"), {}),
 }
+# By alpha modes: the place of the fourth channel.
+_UNREAL_ALPHA = {"mask": {"A": "MP_OPACITY_MASK"}, "blend": {"A": "MP_OPACITY"}}
 # Names in Unity's shaders, and the keywords that switch them on.
 _UNITY = {
     "normal": (("_NormalMap", "_BumpMap"), ("_NORMALMAP",)),
@@ -43,18 +45,26 @@ _UNITY = {
     "bent-normal": (("_BentNormalMap",), ("_BENTNORMALMAP",)),
     "thickness": (("_ThicknessMap",), ("_THICKNESSMAP",)),
 }
+_UNITY_MASK = ["_AlphaClip", "_AlphaCutoffEnable", "_Mode"]  # 1 cuts out by alpha
 _COLORS, _NORMALS = ("base-color", "emissive"), ("normal", "bent-normal")
 
 
 def write_imports(
-    folder: Path, options: ExportOptions, mesh_file: Path, maps: Sequence[ExportedMap]
+    folder: Path,
+    options: ExportOptions,
+    mesh_file: Path,
+    maps: Sequence[ExportedMap],
+    levels: Sequence[str] = (),
 ) -> list[Path]:
-    """Write the files that import an asset into a program, and return their paths."""
+    """Write the files that import an asset into a program, and return their paths.
+
+    `levels` are the names of the assets that are its coarser levels of detail.
+    """
     asset = options.name or mesh_file.stem
     own = [written for written in maps if written.tile in ("", "1001")]
     texts: dict[str, str] = {}
     if options.to == "unreal":
-        texts[f"import_{asset}.py"] = _unreal_script(asset, mesh_file, own)
+        texts[_unreal_name(asset)] = _unreal_script(asset, mesh_file, own, levels)
     elif options.to == "unity":
         texts[f"Editor/{_identifier(asset)}Import.cs"] = _unity_script(asset, mesh_file, own)
     elif options.to == "godot":
@@ -85,16 +95,24 @@ def _in_comment(text: str) -> str:
     return re.sub(r"[^\w .()-]", "_", text)
 
 
-def _unreal_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> str:
+def _unreal_name(asset: str) -> str:
+    return f"import_{asset}.py"
+
+
+def _unreal_script(
+    asset: str, mesh_file: Path, maps: Sequence[ExportedMap], levels: Sequence[str]
+) -> str:
     textures = {}
     for written in maps:
         (compression, sampler), places = _UNREAL.get(written.kind, (_MASKS, {}))
         textures[written.path.name] = (
-            *(written.kind in _COLORS, written.flips), compression, sampler, places,
+            *(written.kind in _COLORS, written.flips), compression, sampler,
+            places | _UNREAL_ALPHA.get(written.alpha, {}),
         )  # fmt: skip
     return _template("unreal.py.txt").substitute(
         asset=_in_comment(asset), identifier=_identifier(asset), mesh=repr(mesh_file.name),
         textures=pformat(textures, width=96, sort_dicts=False),
+        levels=[_unreal_name(level) for level in levels],
     )  # fmt: skip
 
 
@@ -104,6 +122,7 @@ def _unity_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> s
     def listed(names: Sequence[str]) -> str:
         return ", ".join(json.dumps(name) for name in names)  # C# has the same escapes
 
+    is_mask = any(written.alpha == "mask" for written in maps)
     return _template("unity.cs.txt").substitute(
         asset=_in_comment(asset), identifier=_identifier(asset), mesh=json.dumps(mesh_file.name),
         flips=str(any(m.flips for m in maps)).lower(),
@@ -112,7 +131,10 @@ def _unity_script(asset: str, mesh_file: Path, maps: Sequence[ExportedMap]) -> s
         textures=", ".join(
             f"new[] {{ {listed([m.path.name, *names])} }}" for m, (names, _) in known
         ),
-        keywords=listed([word for _, (_, words) in known for word in words]),
+        keywords=listed(
+            [word for _, (_, words) in known for word in words] + is_mask * ["_ALPHATEST_ON"]
+        ),
+        ones=listed(["_Smoothness", "_GlossMapScale", *(is_mask * _UNITY_MASK)]),
     )  # fmt: skip
 
 

@@ -30,6 +30,7 @@ class ExportedMap:
     mid: float = 0.0  # of heights: the value at the surface
     scale: float = 1.0  # of heights: meters from black to white; 1 in a float file
     flips: bool = False  # of a normal map: whether green points opposite to the program's
+    alpha: str = "opaque"  # of a base color: the alpha mode of its fourth channel
 
 
 TEXTURES = ("png", "dds")
