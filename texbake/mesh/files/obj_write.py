@@ -29,16 +29,7 @@ def write_obj(
     face_materials: IntArray | None = None,
     material_names: Sequence[str] = (),
 ) -> None:
-    """Write positions, colors, texture coordinates, normals, polygons, groups and materials.
-
-    What `read_obj` reads back is equal bit for bit, faces in their order; but groups are numbered
-    in the order in which faces use them, names without a face are dropped, and control characters
-    in a name become spaces. Corner tangents have no place in the format. Further sets of texture
-    coordinates are written into a file beside it. A polygon with a seam inside
-    is written as triangles, with a warning.
-
-    `face_materials` (F,) int32.
-    """
+    """Write a mesh, which `read_obj` reads back bit for bit, with `face_materials` (F,) int32."""
     polygons = outlines(mesh)
     polygons.warn(path)
     ends = np.cumsum(polygons.sizes)

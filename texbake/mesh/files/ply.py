@@ -208,14 +208,7 @@ _BLOCK = 1 << 18  # rows put together at once
 
 
 def write_ply(mesh: Mesh, path: PathLike) -> None:
-    """Write positions, colors, polygons, texture coordinates and normals.
-
-    Numbers are written as ``float`` where that loses nothing, else as ``double``, and colors as
-    ``uchar`` where that loses nothing. Vertices with several texture coordinates or normals are
-    written several times; see the module. What `read_ply` reads back has the same positions, and
-    the same values at the same corners. A polygon with a seam inside is written as triangles, with
-    a warning. Groups and tangents have no place in the format.
-    """
+    """Write a mesh without groups, as ``float`` and ``uchar`` where that loses nothing."""
     polygons = outlines(mesh)
     polygons.warn(path)
     sources, corners, faces = split_vertices(mesh)
