@@ -99,6 +99,13 @@ def test_neighbors_against_pairing_one_by_one(faces):
     assert found.at_other_edges.tolist() == others
 
 
+def test_edges_of_a_vertex_in_many_faces():
+    spokes = np.random.default_rng(5).permutation(np.arange(1, 100)).astype(np.int32)
+    faces = np.stack([np.zeros_like(spokes), spokes, np.roll(spokes, 1)], axis=1)
+    expected = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    assert (find_edges(faces).vertices == expected).all()
+
+
 def test_genus_is_the_sum_over_components():
     one = torus(5, 7)
     assert genus_of(one) == 1

@@ -9,6 +9,7 @@
 
    Called from texbake/mesh/decimate.py and texbake/mesh/topology.py. */
 
+#include <stdlib.h>
 #include <string.h>
 
 #include "arena.h"
@@ -149,6 +150,82 @@ EXPORT int64_t has_pinched_vertex(
     }
     close_arena(arena);
     return is_pinched;
+}
+
+static int compare_ends(const void *one, const void *other)
+{
+    const uint32_t a = *(const uint32_t *)one, b = *(const uint32_t *)other;
+    return (a > b) - (a < b);
+}
+
+/* Sort a few numbers by insertion, and many in time n log n. */
+static void sort_ends(uint32_t *ends, int64_t n)
+{
+    if (n > 32) {
+        qsort(ends, (size_t)n, sizeof *ends, compare_ends);
+        return;
+    }
+    for (int64_t i = 1; i < n; i++) {
+        const uint32_t end = ends[i];
+        int64_t place = i;
+        for (; place > 0 && ends[place - 1] > end; place--)
+            ends[place] = ends[place - 1];
+        ends[place] = end;
+    }
+}
+
+/* List the edges of faces that have three vertices, each with its lesser vertex first, in their order;
+   how many faces have each, and how many of those walk it upwards. Return how many edges there are. */
+EXPORT int64_t list_edges(
+    int64_t n_vertices, int64_t n_faces, int64_t n_most, const int32_t faces[n_faces][3],
+    int32_t edges[n_most][2], int32_t n_with[n_most], int32_t n_upwards[n_most])
+{
+    OPEN_ARENA(arena);
+    int64_t *places = TAKE_ZEROS(arena, int64_t, n_vertices + 1);
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t a = faces[face][0], b = faces[face][1], c = faces[face][2];
+        if (a == b || b == c || c == a)
+            continue;
+        places[a < b ? a : b]++;
+        places[b < c ? b : c]++;
+        places[c < a ? c : a]++;
+    }
+    int64_t n = 0;
+    for (int64_t vertex = 0; vertex <= n_vertices; vertex++) {
+        const int64_t count = places[vertex];
+        places[vertex] = n;
+        n += count;
+    }
+    uint32_t *ends = TAKE(arena, uint32_t, n); /* twice the greater vertex, and 1 where it comes last */
+    for (int64_t face = 0; face < n_faces; face++) {
+        const int32_t *corners = faces[face];
+        if (corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0])
+            continue;
+        for (int corner = 0; corner < 3; corner++) {
+            const uint32_t tail = (uint32_t)corners[corner], head = (uint32_t)corners[(corner + 1) % 3];
+            if (tail < head)
+                ends[places[tail]++] = 2 * head + 1;
+            else
+                ends[places[head]++] = 2 * tail;
+        }
+    }
+    int64_t n_edges = 0, start = 0;
+    for (int64_t vertex = 0; vertex < n_vertices; start = places[vertex++]) {
+        sort_ends(ends + start, places[vertex] - start);
+        for (int64_t i = start; i < places[vertex]; i++) {
+            const int32_t greater = (int32_t)(ends[i] >> 1);
+            if (i == start || greater != edges[n_edges - 1][1]) {
+                edges[n_edges][0] = (int32_t)vertex;
+                edges[n_edges][1] = greater;
+                n_with[n_edges] = n_upwards[n_edges] = 0;
+                n_edges++;
+            }
+            n_with[n_edges - 1]++;
+            n_upwards[n_edges - 1] += ends[i] & 1;
+        }
+    }
+    close_arena(arena);
+    return n_edges;
 }
 
 /* One end of the edge that starts at a corner (3 face + corner): the lesser or the greater number. */

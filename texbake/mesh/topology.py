@@ -27,6 +27,8 @@ from texbake.records import dataclass
 _BAND = 1 << 16
 # A closed surface with less volume than this, relative to its diagonal cubed, is a two-sided sheet.
 _FLAT = 1e-9
+# Vertices per corner from which on most of them are in no face, and are left out first.
+_MOST_GAPS = 8
 
 
 @dataclass(frozen=True)
@@ -59,30 +61,18 @@ class MeshEdges:
 
 
 def find_edges(faces: IntArray) -> MeshEdges:
-    """Edges of (F, 3) int32 triangles."""
-    faces = faces[~repeated_vertices(faces)]
-    # One integer an edge: 31 bits of each index, then whether it is walked upwards.
-    keys = np.empty(3 * len(faces), dtype=np.int64)
-    for corner in range(3):
-        tails = faces[:, corner].astype(np.int64)
-        heads = faces[:, (corner + 1) % 3]
-        part = keys[corner * len(faces) : (corner + 1) * len(faces)]
-        np.minimum(tails, heads, out=part)
-        part <<= 31
-        part |= np.maximum(tails, heads)
-        part <<= 1
-        part |= tails < heads
-    keys.sort()
-    undirected = keys >> 1
-    starts = np.flatnonzero(np.diff(undirected, prepend=-1))
-    vertices = np.stack([undirected[starts] >> 31, undirected[starts] & (2**31 - 1)], axis=1)
-    forward_before = np.concatenate([[0], np.cumsum(keys & 1)])
-    stops = np.append(starts, len(keys))
-    return MeshEdges(
-        vertices=vertices.astype(np.int32),
-        n_faces=np.diff(stops).astype(np.int32),
-        n_forward=np.diff(forward_before[stops]).astype(np.int32),
+    """Edges of (F, 3) int32 triangles. Kernel: `core/closed_surfaces.c`."""
+    n_vertices, used = int(faces.max(initial=-1)) + 1, None
+    if n_vertices > _MOST_GAPS * faces.size:
+        used, numbers = np.unique(faces, return_inverse=True)
+        n_vertices, faces = len(used), numbers.astype(np.int32).reshape(-1, 3)
+    vertices = np.empty((faces.size, 2), dtype=np.int32)
+    n_faces, n_forward = np.empty((2, faces.size), dtype=np.int32)
+    n = core.list_edges(
+        n_vertices, np.ascontiguousarray(faces, np.int32), vertices, n_faces, n_forward
     )
+    vertices = vertices[:n] if used is None else used[vertices[:n]]
+    return MeshEdges(vertices, n_faces[:n], n_forward[:n])
 
 
 @dataclass(frozen=True)
