@@ -167,10 +167,10 @@ def surface_distance(
 
 
 def distance_to(mesh: Mesh, target: Mesh, *, threads: int | None = None) -> OneSidedDistance:
-    """Measure how far the points of a mesh lie from another: one way of `surface_distance`."""
+    """Measure, for a report, how far the points of a mesh lie from another, one way."""
     frame = LocalFrame.around(mesh, target)
     places = frame.to_local(mesh.positions), frame.to_local(target.positions)
-    return _one_sided(frame, (mesh, target), places, _DEFAULT_SAMPLES, 0, threads)
+    return _one_sided(frame, (mesh, target), places, REPORTED_SAMPLES, 0, threads)
 
 
 def _one_sided(

@@ -354,10 +354,10 @@ class _Run:
             moved, faces = project(
                 nets, tree, sharp_edges=options.sharp_edges, smooth=filled.smooth, threads=threads
             )
-        moved, faces, n_crumbs = without_crumbs(moved, faces, keep_cavities=keep_interior)
-        moved, faces, n_cut_off = without_cut_off(moved, faces, n_parts)
-        moved, faces, n_dropped = largest_parts(moved, faces, options.n_components, threads=threads)
-        parts = Parts.of(moved, faces)
+        parts, n_crumbs = without_crumbs(Parts.of(moved, faces), keep_cavities=keep_interior)
+        parts, n_cut_off = without_cut_off(parts, n_parts)
+        parts, n_dropped = largest_parts(parts, options.n_components, threads=threads)
+        moved, faces = parts.points, parts.faces
         counts = _Counts(
             n_components=int(np.count_nonzero(~parts.is_wall)),
             n_cavities_kept=int(np.count_nonzero(parts.is_wall)),

@@ -178,10 +178,10 @@ def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
 
 def euler_characteristic(faces: IntArray, edges: MeshEdges) -> int:
     """Vertices - edges + faces, of the vertices that faces with three different ones use."""
-    kept = faces[~repeated_vertices(faces)]
-    used = np.zeros(int(kept.max(initial=-1)) + 1, dtype=np.bool_)
-    used[kept.ravel()] = True
-    return int(np.count_nonzero(used)) - len(edges.vertices) + len(kept)
+    n_kept = len(faces) - int(np.count_nonzero(repeated_vertices(faces)))
+    used = np.zeros(int(edges.vertices.max(initial=-1)) + 1, dtype=np.bool_)
+    used[edges.vertices.ravel()] = True
+    return int(np.count_nonzero(used)) - len(edges.vertices) + n_kept
 
 
 def genus(faces: IntArray, edges: MeshEdges, n_vertices: int) -> int | None:

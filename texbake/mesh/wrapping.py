@@ -33,7 +33,7 @@ from texbake.mesh.objects import face_objects, weld_vertices
 from texbake.mesh.options import AUTO, RemeshOptions
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
 from texbake.mesh.remeshing.band import SHELL_DEPTH, Band, Grid
-from texbake.mesh.remeshing.parts import without_crumbs, without_small_parts
+from texbake.mesh.remeshing.parts import Parts, without_crumbs, without_small_parts
 from texbake.mesh.remeshing.projection import project
 from texbake.mesh.remeshing.solid import (
     JUST_SOLID,
@@ -84,9 +84,9 @@ def remesh_with_few_tunnels(
     for nets, width in _closed(band, mesh.diagonal / grid.voxel, most, stages, threads):
         with stages.stage("project"):
             moved, faces = project(nets, tree, threads=threads)
-        moved, faces, _ = without_crumbs(moved, faces, keep_cavities=False)
-        moved, faces, n_left_out = without_small_parts(moved, faces, 1.0 / n_faces)
-        wrap = Mesh(positions=grid.to_model(moved), faces=faces, name=mesh.name)
+        parts, _ = without_crumbs(Parts.of(moved, faces), keep_cavities=False)
+        parts, n_left_out = without_small_parts(parts, 1.0 / n_faces)
+        wrap = Mesh(positions=grid.to_model(parts.points), faces=parts.faces, name=mesh.name)
         yield with_nearest_attributes(wrap, mesh, threads), width * mesh.diagonal, n_left_out
 
 

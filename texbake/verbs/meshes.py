@@ -165,7 +165,8 @@ def _remesh_table(result: JobResult[RemeshReport]) -> Rows:
         ("gaps closed up to", f"{report.gap:.4g}"),
         (
             "distance to MESH",
-            f"RMS {distance.rms:.4g} ({100 * distance.rms / diagonal:.3f} % of the diagonal), "
+            f"RMS {distance.rms:.4g} ± {distance.rms_error:.1g} "
+            f"({100 * distance.rms / diagonal:.3f} % of the diagonal), "
             f"greatest {distance.max:.4g} ({100 * distance.max / diagonal:.3f} %)",
         ),
     ]

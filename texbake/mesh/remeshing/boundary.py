@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, counted
-from texbake.mesh.distance import area_vectors, face_areas, unit_normals
+from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.options import CLOSED, OPEN
 from texbake.mesh.polygons import cut_polygons, next_corners
@@ -220,6 +220,7 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     if alike is not faces:
         faces, edges = alike, find_edges(alike)
     figures, n_edges = _EdgeFigures.of(faces, edges), len(edges.vertices)
+    least = _area_that_closes(points, edges)
     del edges
     areas = face_areas(points, faces, threads=threads)
     length, area = float(loops.lengths.sum()), float(areas.sum())
@@ -229,8 +230,6 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     has_boundary = np.bincount(loops.parts, minlength=n_parts) > 0
     open_parts = has_boundary & (np.where(n_seen > 0, shares, seen.mean()) > _OPEN)
     share = f"from its back, {100.0 * float(seen.mean()):.0f} % of all directions lead outside"
-    # The area of what would close it, at least.
-    least = 0.5 * float(pm.norm(area_vectors(points, faces).sum(axis=0)))
     if least > _WIDE_OPEN * area:
         open_parts = has_boundary
         share = f"closing it would add at least {100.0 * least / area:.0f} % to its area"
@@ -241,6 +240,14 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     elif is_open and area < _NARROW * length:
         is_open, share = False, "its sheets are too narrow for these voxels"
     return Kind(faces, loops, open_parts, is_open, is_one_sided, share, figures)
+
+
+def _area_that_closes(points: FloatArray, edges: MeshEdges) -> float:
+    """Return the least area that closes a surface, which is the length of its vector area."""
+    walks = 2 * edges.n_forward - edges.n_faces  # upwards, less those downwards
+    ends = points[edges.vertices[walks != 0]]
+    sums = (walks[walks != 0][:, None] * np.cross(ends[:, 0], ends[:, 1])).sum(axis=0)
+    return 0.5 * float(pm.norm(sums))
 
 
 def oriented(points: FloatArray, faces: IntArray) -> IntArray:

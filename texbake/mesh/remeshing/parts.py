@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -32,8 +31,10 @@ _LEFT_OUT = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Separate parts of a closed surface."""
+    """A closed surface in separate parts."""
 
+    points: FloatArray  # (V, 3) float64; in units of a voxel
+    faces: IntArray  # (F, 3) int32
     ids: IntArray  # (F,) int32; part of each face
     volumes: FloatArray  # (n,) float64; in units of a voxel, negative for the walls of cavities
 
@@ -43,23 +44,33 @@ class Parts:
         ids, n_parts = face_components(faces, len(points))
         a, b, c = (points[faces[:, corner]] for corner in range(3))
         sixths = pm.vecdot(a, np.cross(b, c))
-        return cls(ids, np.bincount(ids, sixths, n_parts) / 6.0)
+        return cls(points, faces, ids, np.bincount(ids, sixths, n_parts) / 6.0)
 
     @property
     def is_wall(self) -> npt.NDArray[np.bool_]:
         """Which of the parts are walls of cavities."""
         return self.volumes < 0.0
 
+    @property
+    def areas(self) -> FloatArray:
+        """Areas of the parts."""
+        areas = face_areas(self.points, self.faces)
+        return np.asarray(np.bincount(self.ids, areas, len(self.volumes)), dtype=np.float64)
 
-def without_crumbs(
-    points: FloatArray, faces: IntArray, *, keep_cavities: bool
-) -> tuple[FloatArray, IntArray, int]:
+    def some(self, kept: npt.NDArray[np.bool_]) -> Parts:
+        """Return some of the parts, and the points that they use."""
+        used, compact = used_rows(self.faces[kept[self.ids]], len(self.points))
+        return Parts.of(self.points[used], compact)
+
+
+def without_crumbs(parts: Parts, *, keep_cavities: bool) -> tuple[Parts, int]:
     """Leave out parts smaller than a voxel but the largest; also count them."""
-    parts = Parts.of(points, faces)
     sizes = np.zeros(len(parts.volumes))
+    if len(sizes) == 1:
+        return parts, 0
     for axis in range(3):
         low, high = np.full(len(sizes), np.inf), np.full(len(sizes), -np.inf)
-        along = points[:, axis][faces]
+        along = parts.points[:, axis][parts.faces]
         np.minimum.at(low, parts.ids, along.min(axis=1))
         np.maximum.at(high, parts.ids, along.max(axis=1))
         np.maximum(sizes, high - low, out=sizes)
@@ -69,82 +80,59 @@ def without_crumbs(
         is_crumb |= parts.volumes <= -_LEAST_VOLUME
     is_crumb[np.argmax(sizes)] = False
     if not is_crumb.any():
-        return points, faces, 0
-    kept_points, kept_faces = _of_parts(points, faces, ~is_crumb[parts.ids])
-    return kept_points, kept_faces, int(np.count_nonzero(is_crumb & ~parts.is_wall))
+        return parts, 0
+    return parts.some(~is_crumb), int(np.count_nonzero(is_crumb & ~parts.is_wall))
 
 
-def _of_parts(
-    points: FloatArray, faces: IntArray, kept: npt.NDArray[np.bool_]
-) -> tuple[FloatArray, IntArray]:
-    """Some of the faces, and the points that they use."""
-    used, compact = used_rows(faces[kept], len(points))
-    return points[used], compact
-
-
-def without_cut_off(
-    points: FloatArray, faces: IntArray, n_given: int
-) -> tuple[FloatArray, IntArray, int]:
+def without_cut_off(parts: Parts, n_given: int) -> tuple[Parts, int]:
     """Leave out small solid parts beyond `n_given`, if small together; also count them."""
-    parts = Parts.of(points, faces)
     solids = np.flatnonzero(~parts.is_wall)
     if len(solids) <= n_given:
-        return points, faces, 0
-    areas = np.bincount(parts.ids, face_areas(points, faces), len(parts.volumes))
+        return parts, 0
+    areas = parts.areas
     is_more = np.zeros(len(areas), dtype=np.bool_)
     is_more[solids[np.argsort(-areas[solids], kind="stable")[n_given:]]] = True
-    return _drop_small_parts(points, faces, parts.ids, areas, is_more)
+    return _without_small(parts, areas, is_more)
 
 
-def without_small_parts(
-    points: FloatArray, faces: IntArray, least: float
-) -> tuple[FloatArray, IntArray, int]:
+def without_small_parts(parts: Parts, least: float) -> tuple[Parts, int]:
     """Leave out parts below a share of the area, if small together; also count them."""
-    ids, n_parts = face_components(faces, len(points))
-    areas = np.bincount(ids, face_areas(points, faces), n_parts)
-    return _drop_small_parts(points, faces, ids, areas, areas < least * areas.sum())
+    areas = parts.areas
+    return _without_small(parts, areas, areas < least * areas.sum())
 
 
-def _drop_small_parts(
-    points: FloatArray,
-    faces: IntArray,
-    ids: IntArray,
-    areas: npt.NDArray[Any],
-    is_left_out: npt.NDArray[np.bool_],
-) -> tuple[FloatArray, IntArray, int]:
+def _without_small(
+    parts: Parts, areas: FloatArray, is_left_out: npt.NDArray[np.bool_]
+) -> tuple[Parts, int]:
     n_left_out = int(np.count_nonzero(is_left_out))
     if n_left_out == 0 or areas[is_left_out].sum() > _LEFT_OUT * areas.sum():
-        return points, faces, 0
-    return *_of_parts(points, faces, ~is_left_out[ids]), n_left_out
+        return parts, 0
+    return parts.some(~is_left_out), n_left_out
 
 
 def largest_parts(
-    points: FloatArray, faces: IntArray, n_kept: int | None, *, threads: int | None = None
-) -> tuple[FloatArray, IntArray, int]:
-    """Keep the solid parts of most volume, with cavities, in voxels; also count the others."""
-    if n_kept is None:
-        return points, faces, 0
-    parts = Parts.of(points, faces)
+    parts: Parts, n_kept: int | None, *, threads: int | None = None
+) -> tuple[Parts, int]:
+    """Keep the solid parts of most volume, with cavities; also count the others."""
     n_solid = int(np.count_nonzero(~parts.is_wall))
-    if n_solid <= n_kept:
-        return points, faces, 0
+    if n_kept is None or n_solid <= n_kept:
+        return parts, 0
     order = np.argsort(-parts.volumes, kind="stable")  # walls come last
     kept = np.zeros(len(order), dtype=np.bool_)
     kept[order[:n_kept]] = True
     walls = np.flatnonzero(parts.is_wall)
-    kept[walls] = kept[_owners(points, faces, parts, walls, order[:n_solid], threads)]
-    return *_of_parts(points, faces, kept[parts.ids]), n_solid - n_kept
+    kept[walls] = kept[_owners(parts, walls, order[:n_solid], threads)]
+    return parts.some(kept), n_solid - n_kept
 
 
 def _owners(
-    points: FloatArray,
-    faces: IntArray,
     parts: Parts,
     walls: npt.NDArray[np.intp],
     solids: npt.NDArray[np.intp],
     threads: int | None,
 ) -> npt.NDArray[np.intp]:
     """The solid part that each wall is in: the smallest around it. Solids are the largest first."""
+    points, faces = parts.points, parts.faces
     owners = np.full(len(walls), solids[0])
     if len(walls) == 0:
         return owners
