@@ -1,10 +1,6 @@
 /* Bump maps: tilting normals by the slope of a height, and embossing light.
 
-   texbake/rendering/effects/bump.py has the formulas.
-
-   Based on: Blinn, "Simulation of wrinkled surfaces", SIGGRAPH 1978; Mikkelsen, "Bump mapping
-   unparametrized surfaces on the GPU", 2010; Schlag, "Fast embossing effects on raster image data",
-   Graphics Gems IV, 1994.
+   texbake/rendering/effects/bump.py has the formulas and their sources.
 
    Called from texbake/rendering/effects/bump.py. */
 

@@ -1,9 +1,5 @@
 /* Merging the samples of each pixel into fragments, one per visible triangle (multisampling).
 
-   A pixel inside one triangle yields a single fragment at the pixel's center that stands for all its
-   samples. A pixel at an edge yields one fragment per triangle, at the mean position of the samples
-   that see it. Edges are antialiased this way, and pixels without an edge are shaded once.
-
    Based on: Akeley, "RealityEngine graphics", SIGGRAPH 1993.
 
    Called from texbake/rendering/fragments.py. */

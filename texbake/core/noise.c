@@ -1,10 +1,6 @@
-/* Noise: gradient noise and sums of its octaves, value noise, and Worley's cells. The formulas are in
-   texbake/texture/procedures/noise.py.
+/* Noise: gradient noise and sums of its octaves, value noise, and Worley's cells.
 
-   Based on: Perlin, "An Image Synthesizer", 1985; Perlin, "Improving Noise", 2002; Ebert et al.,
-   "Texturing and Modeling", 2003, chapter 2; Worley, "A Cellular Texture Basis Function", 1996. Departs
-   from Perlin's of 2002 in the order of the hash, which is that of 1985 for both, and from Worley's in
-   having one point per cell, which leaves no large gaps.
+   docs/reference/procedures.md has the formulas and their sources.
 
    Called from texbake/texture/procedures/noise.py and patterns.c. */
 

@@ -1,5 +1,5 @@
 /* Checkers and stripes, averaged over each pixel, and marble, wood and granite: layers, rings and
-   grains, bent by noise. The formulas are in texbake/texture/procedures/patterns.py.
+   grains, bent by noise. The formulas are in docs/reference/procedures.md.
 
    Based on: Apodaca and Gritz, "Advanced RenderMan", 2000, chapter 11 (the filtered pulse train);
    Perlin, "An Image Synthesizer", 1985 (marble, and rings bent by noise); Ebert et al., "Texturing and

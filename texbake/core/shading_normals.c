@@ -1,9 +1,6 @@
 /* Shading normals of fragments: interpolated from those of the mesh, or taken from a normal map.
 
-   In tangent space the tangent and the normal are interpolated without normalization, and the
-   result is normalized once at the end.
-
-   Based on: Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008.
+   texbake/rendering/effects/normals.py says how, and names the source.
 
    Called from texbake/rendering/effects/normals.py. */
 

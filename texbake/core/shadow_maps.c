@@ -3,9 +3,6 @@
    texbake/rendering/effects/shadows.py describes the tests that a texel has to pass to occlude a
    point, and names their sources.
 
-   Based on: Reeves, Salesin, Cook, "Rendering antialiased shadows with depth maps", SIGGRAPH 1987;
-   Dou, Yan, Kerzner, Dai, Wyman, "Adaptive depth bias for shadow maps", I3D 2014.
-
    Called from texbake/rendering/effects: shadows.py and shadow_fit.py. */
 
 #include <math.h>
