@@ -224,15 +224,15 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
     del edges
     areas = face_areas(points, faces, threads=threads)
     length, area = float(loops.lengths.sum()), float(areas.sum())
-    looked_at, seen = _seen_through_holes(points, faces, areas, threads)
-    n_seen = np.bincount(parts[looked_at], minlength=n_parts)
-    shares = np.bincount(parts[looked_at], seen, n_parts) / np.maximum(n_seen, 1)
-    has_boundary = np.bincount(loops.parts, minlength=n_parts) > 0
-    open_parts = has_boundary & (np.where(n_seen > 0, shares, seen.mean()) > _OPEN)
-    share = f"from its back, {100.0 * float(seen.mean()):.0f} % of all directions lead outside"
+    open_parts = np.bincount(loops.parts, minlength=n_parts) > 0
     if least > _WIDE_OPEN * area:
-        open_parts = has_boundary
         share = f"closing it would add at least {100.0 * least / area:.0f} % to its area"
+    else:
+        looked_at, seen = _seen_through_holes(points, faces, areas, threads)
+        n_seen = np.bincount(parts[looked_at], minlength=n_parts)
+        shares = np.bincount(parts[looked_at], seen, n_parts) / np.maximum(n_seen, 1)
+        open_parts &= np.where(n_seen > 0, shares, seen.mean()) > _OPEN
+        share = f"from its back, {100.0 * float(seen.mean()):.0f} % of all directions lead outside"
     is_open = 2.0 * float(areas[open_parts[parts]].sum()) > area
     is_one_sided = figures.n_misoriented > _TORN * n_edges
     if figures.n_torn > _TORN * n_edges:
