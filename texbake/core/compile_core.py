@@ -36,6 +36,7 @@ from builds import FOLDER, library_name, sources_checksum
 FLAGS = (
     "-std=c17", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fPIC",
     "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unknown-pragmas", "-Wframe-larger-than=16384",
+    "-g0",  # zig writes symbols for a debugger otherwise, which are two thirds of a library
 )  # fmt: skip
 SANITIZER_FLAGS = (
     "-std=c17", "-O2", "-g", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden",
@@ -44,7 +45,7 @@ SANITIZER_FLAGS = (
 )  # fmt: skip
 # zig links these sanitizers into the library, where libFuzzer has its own; so by zig, none.
 FUZZER_FLAGS = (*SANITIZER_FLAGS, "-fsanitize=fuzzer-no-link,float-cast-overflow")
-FUZZER_FLAGS_OF_ZIG = (*FLAGS, "-fno-sanitize=undefined", "-fsanitize=fuzzer-no-link")
+FUZZER_FLAGS_OF_ZIG = (*FLAGS, "-g", "-fno-sanitize=undefined", "-fsanitize=fuzzer-no-link")
 
 
 _DECLARATION = re.compile(r"^EXPORT (\w+ \w+\([^(){};]*\))", re.MULTILINE)

@@ -173,7 +173,7 @@ static void set_rotations(const struct jacobian jacobians[LANES], struct rotatio
         made->sv[i] = v.sine;
     }
     for (int i = 0; i < LANES; i++) {
-        if (are_plain(x[i], y[i]) & are_plain(s[i], t[i]))
+        if (are_plain(x[i], y[i]) && are_plain(s[i], t[i]))
             continue;
         const double minus = portable_atan2(y[i], x[i]), plus = portable_atan2(t[i], s[i]);
         made->total[i] = portable_hypot(x[i], y[i]);
