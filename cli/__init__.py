@@ -32,7 +32,7 @@ def run() -> None:
 
 
 def open_closed_streams() -> None:
-    """Give closed standard streams the null device, whose numbers files would take."""
+    """Give closed standard streams the null device, or files would take their numbers."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -54,7 +54,7 @@ def close_stdout() -> None:
 
 
 def end_at_once(code: object) -> None:
-    """End the process by a number without unloading its modules, which takes long."""
+    """End the process with a numeric `code`, without unloading modules, which takes long."""
     if isinstance(code, int | None):
         threading._shutdown()  # type: ignore[attr-defined]
         atexit._run_exitfuncs()

@@ -104,7 +104,7 @@ def _progress_line(text: str) -> None:
 
 
 def say(text: str, **style: Any) -> None:
-    """Print on stdout, control characters as escapes; raise `FileError` such as on a full disk."""
+    """Print on stdout, control characters as escapes; raise `FileError` if that fails."""
     try:
         click.echo(click.style(printable(text), **style) if style else printable(text))
     except BrokenPipeError:  # the reader has closed the pipe, as `head` does

@@ -27,7 +27,7 @@ class MessageError(Exception):
 
 
 def pack(value: Any) -> list[bytes | memoryview]:
-    """Return the message of a value, in parts; sequences are received as tuples."""
+    """Message of a number, text, bytes, array, or sequence, mapping or dataclass of such values."""
     writer = _Writer()
     text = json.dumps(writer.tree(value)).encode()
     text += b" " * _padding(_LENGTH.size + len(text))

@@ -50,7 +50,7 @@ def clear_once(folder: Path) -> None:
 
 
 def clear_unfinished(patience: float) -> None:
-    """Remove all temporary files of this process, renamed within `patience` s, before its end."""
+    """Remove temporary files of this process, which then ends; wait `patience` s for renames."""
     MOVING.acquire(timeout=patience)  # never released: no other files may take their names
     for folder in tuple(_LOOKED_THROUGH):
         _clear(folder, lambda process: process == os.getpid())

@@ -206,8 +206,8 @@ def unwrap(folder: Path, options: Options, mesh: list[Arrays]) -> None:
         np.savez(folder / f"out{number}.npz", uvs=uvs.astype(np.float32))
         if len(polygons):
             notes.append(
-                f"{meshes[number].name}: faces that cannot be laid flat and overlap others in the "
-                f"texture: {len(np.unique(polygons))}; triangulate them"
+                f"{meshes[number].name}: faces to triangulate, since they cannot be laid flat and "
+                f"overlap others in the texture: {len(np.unique(polygons))}"
             )
     tell(warnings=notes, done={"charts": sum(report.n_charts for _, report in results)})
 

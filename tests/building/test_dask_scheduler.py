@@ -246,7 +246,7 @@ def test_a_step_that_ends_its_workers(write, tmp_path, monkeypatch):
     ended = [(asset.name, step) for asset in result.assets for step in asset.steps if step.error]
     ((asset, step),) = ended
     assert (asset, step.step) == DEADLY
-    assert "2 workers that had this step ended, the last one tcp://127.0.0.1:" in step.error
+    assert "2 workers ended that were to run this step, the last one tcp://127.0.0.1:" in step.error
     assert "the system may have run out of memory" in step.error and "\n" not in step.error
     assert len(cluster.steps_made) == 17
 

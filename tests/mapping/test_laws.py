@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given, settings, strategies as st
 
 from tests.artist_models import write_model
 from tests.models import model, real, soup_of
@@ -48,6 +49,8 @@ every_mapping = pytest.mark.parametrize(
 every_classical = pytest.mark.parametrize(
     "options", [pytest.param(o, id=name) for name, o in CLASSICAL.items()]
 )
+
+CORNERS = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 1], [-1, 0.5, 2], [0.5, -1, -1], [2, 2, 0]]
 
 
 def bumpy():
@@ -146,12 +149,38 @@ def test_no_face_of_a_convex_mesh_overlaps_another_or_is_mirrored(options):
 
 
 @pytest.mark.parametrize(
+    "options", [o for o in CLASSICAL.values() if not {"eye", "camera"} & set(o)]
+)
+def test_meshes_without_area_or_of_any_size_have_finite_coordinates(options):
+    line = np.array([[-1, -1, -1], [0, 0, 0], [1, 1, 1], [0.1, 0.1, 0.1]])
+    for scale in (0.0, 5e-324, 1e-300, 1e300, 1.7e308):
+        for positions in line * scale, np.array(CORNERS[:4]) * (scale / 2.0):
+            mesh = Mesh(positions=positions, faces=[[0, 1, 2], [1, 2, 3], [0, 0, 3]])
+            assert np.isfinite(mapped(mesh, options).corners).all()
+
+
+@pytest.mark.parametrize(
     "name", [n for n in CLASSICAL if "center" in METHODS[CLASSICAL[n]["method"]].options]
 )
 def test_a_center_equal_to_every_vertex_is_defined(name):
     mesh = Mesh(positions=[[3e5, 4.1, -5]] * 3, faces=[[0, 1, 2]] * 2)
     found = mapped(mesh, CLASSICAL[name] | {"center": (3e5, 4.1, -5)})
     assert np.ptp(found.corners.reshape(-1, 2), axis=0).tolist() == [0.0, 0.0]
+
+
+@settings(max_examples=60)
+@given(
+    st.sampled_from(sorted(CLASSICAL)),
+    st.lists(
+        st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9),
+        min_size=1,
+        max_size=3,
+    ),
+)
+def test_any_finite_triangles_have_finite_coordinates(name, triangles):
+    positions = np.array(triangles).reshape(-1, 3)
+    mesh = Mesh(positions=positions, faces=np.arange(len(positions)).reshape(-1, 3))
+    assert np.isfinite(mapped(mesh, CLASSICAL[name]).corners).all()
 
 
 @every_classical

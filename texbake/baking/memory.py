@@ -59,5 +59,5 @@ def bake_memory(n_high_faces: int, n_low_faces: int, n_texels: int, maps: Sequen
 
 
 def memory_left(limit: str | int | None, needed: int) -> float:
-    """Bytes that a limit leaves beside those needed, below 0 if exceeded; else infinite."""
+    """Bytes that a limit leaves beside those needed, below 0 if exceeded; infinite without one."""
     return math.inf if limit is None else parse_bytes(limit) - needed

@@ -89,7 +89,7 @@ def measure_ray_distances(
 
 
 def _sides(low: Mesh) -> npt.NDArray[np.intp]:
-    """(F, 3) number of the side of a vertex, of faces that meet below `_EDGE`, at each corner."""
+    """(F, 3) side of its vertex that each corner lies on; faces below `_EDGE` share one."""
     faces = weld_vertices(low)[low.faces]
     pairs = edge_neighbors(faces)
     normals = face_normals(low)

@@ -50,7 +50,7 @@ class WrittenMap:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class BakedMap:
-    """A map of a bake as values, also of `np.asarray` and in notebooks, until it is written."""
+    """A map of a bake: its values, encoded when written; for `np.asarray` and notebooks as well."""
 
     kind: MapKind
     # (H, W, C) float32: unit vectors, lengths in model units, colors or ids, depending on the kind;

@@ -245,7 +245,7 @@ def _from_low(probe: RayProbe) -> tuple[float, float]:
 
 
 def probe_both_ways(scene: RayScene, low: Mesh, kind: str, n_points: int, limit: float) -> RayProbe:
-    """Cast rays of `limit` in the scene's frame out and in from low-poly points, to both sides."""
+    """Cast rays of length `limit` out and in from low-poly points, to front and back faces."""
     threads = scene.threads
     _, faces, weights = sample_surface(low, n_points, seed=0, threads=threads)
     samples = Samples(np.zeros(len(faces), dtype=np.int32), faces, weights[:, 1:].copy())
@@ -293,7 +293,7 @@ _REACH = 4.0
 def face_outwards(
     inputs: BakeInputs, scenes: BakeScenes, stages: Stages
 ) -> tuple[BakeInputs, BakeScenes, OrientationReport]:
-    """Flip parts of the high-poly mesh that face inwards, if that is auto and not in chunks."""
+    """Flip parts of an unchunked high-poly mesh that face inwards, if `orientation` is auto."""
     high, options = inputs.source, inputs.options
     nothing = OrientationReport(mesh=high.name)
     if options.orientation == "keep" or isinstance(high, StreamedMesh) or scenes.high.in_chunks:

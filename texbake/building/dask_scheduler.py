@@ -294,7 +294,7 @@ def _ending(error: BaseException, task: Task) -> str:
 
     if isinstance(error, KilledWorker):
         return (
-            f"{error.allowed_failures + 1} workers that had this step ended, the last one "
+            f"{error.allowed_failures + 1} workers ended that were to run this step, the last one "
             f"{error.last_worker.address}; the system may have run out of memory: "
             f"{memory_advice(task)}"
         )

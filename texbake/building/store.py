@@ -147,7 +147,7 @@ class Store:
 
     @contextmanager
     def marked(self) -> Iterator[str]:
-        """Keep a file in the store within the block; yield its name, for `has` of a machine."""
+        """Keep a file in the store within the block; yield its name, for `has` elsewhere."""
         folder = f"{_TEMPORARY}/{secrets.token_hex(8)}"
         with scratch_folder() as scratch:
             source = scratch / "mark.txt"

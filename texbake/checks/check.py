@@ -163,7 +163,7 @@ def check_files(
     missing: bool = False,
     progress: Progress = None,
 ) -> CheckReport:
-    """Read and check meshes; one that is damaged, or if `missing` not there, is a finding."""
+    """Read and check meshes; a damaged one is a finding, and with `missing` so is an absent one."""
     options = options or CheckOptions()
     paths = [mesh] if low is None else [mesh, low]
     roles = ["low"] if low is None else ["high", "low"]

@@ -90,7 +90,7 @@ def non_manifold_edges(checked: CheckedMesh) -> Finding | None:
 
 
 def pinched_vertices(checked: CheckedMesh) -> Finding | None:
-    """Vertices at which groups of faces touch that share no edge, with however many faces."""
+    """Vertices at which groups of faces touch that share no edge, not even a non-manifold one."""
     edges = checked.edges
     same = np.diff(edges.ids.ravel()[edges.ordered], append=-1) == 0
     one, other = edges.ordered[:-1][same[:-1]], edges.ordered[1:][same[:-1]]

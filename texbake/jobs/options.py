@@ -68,8 +68,8 @@ class RunOptions(CheckedOptions):
     """How `run` goes from a high-poly mesh to a finished asset.
 
     The normal map inside the GLB file is always OpenGL's, because glTF demands it. The base color
-    is sRGB-coded. Where `size`, `padding`, `bits` or `convention` is None, `chosen` is that of the
-    preset.
+    is sRGB-coded. Where `size`, `padding`, `bits` or `convention` is None, `run` takes it from the
+    preset; `chosen` has the values in use.
     """
 
     n_faces: Annotated[int | None, option_of(SimplifyOptions, "n_faces")] = DEFAULT_FACES

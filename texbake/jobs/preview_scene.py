@@ -51,7 +51,7 @@ def open_preview(
     own_materials: bool = True,
     progress: Progress = None,
 ) -> tuple[Scene, RenderOptions]:
-    """Read a scene and its options; `maps` replace materials, and so does no `own_materials`."""
+    """Read a scene and its options; `maps` replace materials, left out without `own_materials`."""
     files: dict[str, Any] = {**(maps or {})}
     suffix = Path(path).suffix.lower()
     if suffix == ".toml" and files:
@@ -113,7 +113,7 @@ def _with_sides_as_asked(scene: Scene) -> Scene:
 
 
 def with_lighting(scene: Scene) -> Scene:
-    """Light a scene by the studio, of metals by its room, if nothing lights its surfaces."""
+    """Light a scene that nothing lights by the studio, or by its room if a material is a metal."""
     lighting = scene.lighting
     materials = [item.material for item in scene.objects]
     is_lit = (

@@ -24,7 +24,7 @@ from texbake.mesh.weld import unique_rows, weld_rows
 
 
 def chart_ids(mesh: Mesh, *, cut: BoolArray | None = None) -> IntArray:
-    """(F,) charts of faces joined in space and texture, apart by `cut` (F,), by first faces."""
+    """(F,) charts: faces joined in space and texture, not across `cut` (F,), by first faces."""
     corners = _texture_corners(mesh)
     if cut is not None:
         corners = corners + (int(corners.max(initial=-1)) + 1) * cut[:, np.newaxis]
@@ -43,7 +43,7 @@ def border_edges(mesh: Mesh) -> BoolArray:
 
 
 def seam_edges(mesh: Mesh, faces: BoolArray | None = None) -> BoolArray:
-    """(F, 3) edges where the texture is cut but the surface is not, on both sides."""
+    """(F, 3) edges of `faces`, as if alone, where the texture is cut but the surface is not."""
     kept = np.ones(mesh.n_faces, dtype=bool) if faces is None else faces
     return _seams(mesh, edge_ids(_texture_corners(mesh)), kept)
 

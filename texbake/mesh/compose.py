@@ -159,7 +159,7 @@ def turned_over(mesh: Mesh, turned: BoolArray) -> Mesh:
 
 
 def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Join meshes, each as a group of its name, without colors, tangents and unshared uvs."""
+    """Join meshes as groups of their names; drop colors, tangents, uvs and normals not in all."""
     if len(meshes) == 1:
         return meshes[0]
     changes: dict[str, Any] = {"colors": None, "tangents": None, "group_objects": ()}

@@ -60,7 +60,7 @@ def cube() -> Mesh:
 def grid_sphere(
     n_theta: int, n_phi: int, radius_at: Field | None = None, *, pole_margin: float = 0.001
 ) -> Mesh:
-    """Sphere about z as a grid of angles, row by row, open by `pole_margin` at each pole."""
+    """Sphere about z as a grid of angles, row by row, open by `pole_margin` radians at poles."""
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
     phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
     faces = ids_around(n_theta, n_phi)[split_quads(grid_quads(n_theta - 1, n_phi))]
@@ -141,7 +141,7 @@ def _from_spherical(theta: FloatArray, phi: FloatArray, radius_at: Field | None)
 
 
 def _geodesic_sphere(frequency: int) -> tuple[FloatArray, IntArray]:
-    """Unit icosahedron of (10 f² + 2, 3) directions, each computed once, and faces (20 f², 3)."""
+    """Icosphere, f parts per edge: directions (10 f² + 2, 3), each once, faces (20 f², 3)."""
     corners, corner_faces = _icosahedron()
     sides = np.sort(corner_faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, side_edges = np.unique(sides, axis=0, return_inverse=True)

@@ -43,7 +43,7 @@ class Quads:
 
     @classmethod
     def of(cls, mesh: Mesh, points: FloatArray, uvs: AnyArray) -> Quads | None:
-        """Find them, None without any, by corners' `points` (F, 3, 3) and `uvs` (F, 3, 2)."""
+        """Find quadrilaterals by corners' `points` (F, 3, 3) and `uvs` (F, 3, 2); None if none."""
         if mesh.polygon_of is None:
             return None
         polygons = outlines(mesh)

@@ -261,7 +261,7 @@ def _fans(
 
 
 def _neighbors(vertices: IntArray) -> IntArray:
-    """(F, 3) face across the opposite edge at each corner, -1 for none; else the next free."""
+    """(F, 3) face across the edge from each corner to the next, if wound alike; -1 for none."""
     ends = vertices[:, _NEXT]
     keys = edge_keys(vertices, ends).ravel()
     edges = np.argsort(keys, kind="stable")

@@ -121,7 +121,7 @@ def wind_alike(
 
 
 def against_most(parts: Int64Array, flips: BoolArray, areas: FloatArray) -> BoolArray:
-    """(F,) bool: faces wound against most of their part's area, or against its first face."""
+    """(F,) bool: faces wound against most of their part's area; of halves the first is right."""
     flipped = np.bincount(parts, areas * flips, len(parts))
     upright = np.bincount(parts, areas * ~flips, len(parts))
     return np.asarray(flips ^ (flipped > upright)[parts])
@@ -157,7 +157,7 @@ def face_components(faces: IntArray, n_vertices: int) -> tuple[IntArray, int]:
 
 
 def surface_side(mesh: Mesh, *, threads: int | None = None) -> str:
-    """Side seen from outside: `front`, `back`, or `both` of open ones; `core/closed_surfaces.c`."""
+    """Side seen from outside: `front`, `back`, or `both` if open or wound unlike its neighbors."""
     keys = np.empty(mesh.n_vertices, np.uint64)
     hash_positions = partial(core.hash_positions, mesh.positions, keys)
     run_bands(hash_positions, mesh.n_vertices, band=_BAND, threads=threads)
@@ -254,7 +254,7 @@ def opposite_half_edges(
 def _pairs_within(
     labels: IntArray, keys: Int64Array
 ) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-    """Int64Array of pairs of equal keys with one label, where no third key is the same."""
+    """Indices of pairs of equal keys with one label, where no third key is the same."""
     order = np.lexsort((keys, labels))
     differs = (np.diff(keys[order]) != 0) | (np.diff(labels[order]) != 0)
     begins = np.flatnonzero(np.concatenate([[True], differs]))

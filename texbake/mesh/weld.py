@@ -78,7 +78,7 @@ def unique_corners(
 
 
 def split_vertices(mesh: Mesh) -> tuple[Int64Array, Int64Array, IntArray]:
-    """Vertex and corner (n,) of new vertices with one uv and one normal each, and their faces."""
+    """New vertices with one uv and normal each: vertex, corner (-1: unused), (n,); and faces."""
     used = np.full(mesh.n_vertices, -1)
     keys = [mesh.faces.ravel()]
     for values, ids in ((mesh.uvs, mesh.uv_faces), (mesh.normals, mesh.normal_faces)):
@@ -125,7 +125,7 @@ def without_copies(
     ids: npt.NDArray[np.integer],
     codes: npt.NDArray[np.unsignedinteger],
 ) -> BoolArray:
-    """(n,) faces to keep of `ids` by equal `codes`, so that no stack of equal ones is left."""
+    """(n,) bool: which of `ids`, sorted by `codes`, stay: no large stack of copies is left."""
     kept = np.ones(len(ids), dtype=np.bool_)
     if len(ids) <= _STACK:
         return kept

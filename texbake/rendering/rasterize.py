@@ -108,7 +108,7 @@ def project(
     *,
     threads: int | None = None,
 ) -> tuple[IntArray, Float32Array]:
-    """Vertices (V, 2) on the grid, `OFF_GRID` outside of the guard band, and depths z / w (V,)."""
+    """Vertices (V, 2) on the grid, `OFF_GRID` behind the near plane or far off, and depths (V,)."""
     grid = np.zeros((len(positions), 2), np.int32)
     depths = np.zeros(len(positions), np.float32)
     kernel = partial(core.project_vertices, positions, clip_from_world, width, height, grid, depths)
@@ -196,7 +196,7 @@ def rasterize(
     tries: npt.NDArray[np.uint32] | None = None,
     threads: int | None = None,
 ) -> VisibilityBuffer:
-    """Nearest triangle at each sample, in front of and behind others; adds to `tries`."""
+    """Nearest triangle at each sample, beyond `behind`, nearer than `before`; adds to `tries`."""
     grid, vertex_depths = project(world.positions, clip_from_world, width, height, threads=threads)
     size, window = (width, height), window or Window(0, height, 0, width)
     faces, starts = _sorted_into_bands(world, modes, clip_from_world, grid, size, window, threads)

@@ -195,7 +195,7 @@ class Rounds:
         self.expect_at_least(self.clock.spent + after + overhead + certain)
 
     def expect_at_least(self, seconds: float, *, margin: float = 1.0) -> None:
-        """Note a least time, up to `margin` too long; say at once if it exceeds the budget."""
+        """Note a least time, up to `margin` times too long; say at once if it is over budget."""
         self._least = seconds
         if seconds > margin * self.seconds and not self._is_warned and self.clock.warn is not None:
             self._is_warned = True
@@ -205,7 +205,7 @@ class Rounds:
             )
 
     def check(self, seconds: float = 0.0) -> None:
-        """Raise `OutOfTimeError` if a round takes at least `seconds` too long, but the least."""
+        """Raise `OutOfTimeError` if a round, with `seconds` to come, is late, unless the least."""
         # Where there is no result yet, another round must follow.
         overheads = _TO_COME if self._reached < _NOTHING else _ANOTHER
         needed = seconds + self.after + overheads * self.overhead

@@ -205,7 +205,7 @@ def encode_heights(
     scale: float,
     threads: int | None = None,
 ) -> npt.NDArray[Any]:
-    """Encode signed distances d (...) in model units as levels h = d / scale + mid, clipped."""
+    """Encode distances d (...) in model units as h = d / scale + mid; integer codes are clipped."""
     if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):
         raise OptionError(f"scale: {scale} with the mid level {mid} maps no heights; give others")
     if bits == 32:

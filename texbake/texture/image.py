@@ -53,7 +53,7 @@ GREATEST_HALF = 65504.0
 
 @dataclass(frozen=True, repr=False)
 class Image:
-    """Pixels of an image file, also by `np.asarray` and in notebooks, with metadata and format."""
+    """Pixels of an image file, for `np.asarray` and notebooks as well, with metadata and format."""
 
     # (H, W, C) float32: linear values. Integer codes are scaled to [0, 1].
     pixels: Float32Array

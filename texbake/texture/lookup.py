@@ -147,7 +147,7 @@ def volume_lookup(
     border: npt.ArrayLike | None = None,
     threads: int | None = None,
 ) -> Float32Array:
-    """Sample (D, H, W, C) at points (n, 3); a constant volume gives exactly its constant."""
+    """Sample (D, H, W, C) at points (n, 3); a constant stays exact where no border is read."""
     code = wrap_code(wrap)
     require_known("filter", filter, VOLUME_FILTERS)
     volume = np.require(volume, np.float32, ["C", "A"])

@@ -192,7 +192,7 @@ _Free = tuple[int, int, int, int]
 
 
 def place_rectangles(sizes: Sequence[Size], width: int, height: int) -> list[Size] | None:
-    """(left, top) of rectangles in a bin, large ones first, by best fit; None if none fits."""
+    """(left, top) of rectangles in a bin, large ones first, by best fit; None if one is left."""
     if sum(w * h for w, h in sizes) > width * height:
         return None
     keys = (

@@ -43,7 +43,7 @@ class NearestOwners:
 def nearest_owner(
     chart_ids: IntArray, padding: int, *, threads: int | None = None
 ) -> NearestOwners:
-    """Nearest owner of each texel (H, W), up to `padding` texels away, which takes its time."""
+    """Nearest owner of each texel (H, W), up to `padding` away; the time grows with `padding`."""
     if not 0 <= padding < NO_OWNER:
         raise OptionError(f"padding: {padding} is not between 0 and {NO_OWNER - 1} texels")
     charts = np.require(chart_ids, np.int32, ["C", "A"])

@@ -87,7 +87,7 @@ def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def vector_displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Vector from the low-poly surface to each hit, in model units or T, B, N: (n, 3)."""
+    """Vector from the low-poly surface to each hit, (n, 3) model units, along xyz or T, B, N."""
     values = hits.offsets.copy()
     if inputs.options.space == "tangent":
         to_tangent_space(hits, inputs, values, normalize=False)
@@ -137,7 +137,7 @@ def ambient_occlusion_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Unit vector of the mean open direction above each hit, in the space of normals: (n, 3)."""
+    """(n, 3) unit mean open direction above each hit, or its normal if none; space of normals."""
     import numpy as np
 
     from texbake.core import portable_math as pm
@@ -152,7 +152,7 @@ def bent_normal_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
 
 
 def thickness_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Mean distance through the inside below each hit, by the cosine: (n, 1), in model units."""
+    """Mean distance through the inside below each hit, cosine-weighted: (n, 1), in model units."""
     from texbake.raycast.rays import DEPTH
 
     return _met(hits, slice(DEPTH, DEPTH + 1), "thickness")

@@ -162,7 +162,7 @@ class TextureBake:
         return classes_picture(self.texel_faces, self.unseen)
 
     def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
-        """Write the texture to an image file, in sRGB if its integers are a `color`."""
+        """Write the texture to an image file; integers are stored as sRGB if it is a `color`."""
         threads = self.report.options.threads
         write_image(self.values, path, color=color, bits=bits, threads=threads)
 

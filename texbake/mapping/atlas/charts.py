@@ -154,7 +154,7 @@ _MANY = 1000
 
 
 def find_isolated_faces(surface: ChartSurface) -> tuple[IntArray, IntArray]:
-    """Faces (n,) with area that no other continues, if there are many, and all others (m,)."""
+    """Isolated faces (n,) with area, if many, and those with neighbors (m,); else none, and all."""
     points, faces = surface.points, surface.faces
     _, solid, opposite = surface.joints
     continued = (opposite.reshape(-1, 3) >= 0).any(axis=1)

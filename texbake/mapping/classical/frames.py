@@ -78,7 +78,7 @@ def center_of(mesh: Mesh, center: Vector | None) -> FloatArray:
 
 
 def in_frame(vectors: FloatArray, rows: FloatArray) -> FloatArray:
-    """(..., K) components of vectors along rows (K, 3); a matrix product would round otherwise."""
+    """(..., K) components of vectors along rows (K, 3), summed in order, unlike matrix products."""
     x, y, z = (vectors[..., i] for i in range(3))
     return np.stack([row[0] * x + row[1] * y + row[2] * z for row in rows], axis=-1)
 

@@ -109,7 +109,7 @@ def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
 
 
 def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, float]:
-    """Direction of least variance nearest to +z, or +y, +x; turned to face most of the area."""
+    """Direction of least variance nearest to +z, +y, +x; reversed if 3/4 of the area faces away."""
     variances = _variances(points, mesh)
     values, vectors = pm.eigh(variances)
     free = vectors[:, values <= values[0] + _VARIANCE_ROUNDING * values.sum()]

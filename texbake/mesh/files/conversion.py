@@ -84,7 +84,7 @@ def _count(is_bad: BoolArray) -> str:
 
 
 def unit_colors(path: PathLike, colors: FloatArray) -> Float32Array:
-    """Colors in [0, 1], whole numbers up to 255 divided by 255; white where they are not finite."""
+    """Colors in [0, 1]: divided by 255 if whole and one is above 1; white where not finite."""
     known = colors[~rows_not_finite(colors)]
     if known.max(initial=0.0) > 1.0 and (known == np.round(known)).all():
         colors = colors / 255.0

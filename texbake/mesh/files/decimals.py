@@ -88,7 +88,7 @@ _BLOCK = 1 << 16  # rows formatted at once
 
 
 def write_rows(file: io.BufferedWriter, row_format: str, rows: FloatArray | IntArray) -> None:
-    """Write each row of a table with a format such as ``v %r %r %r``, floats as shortest."""
+    """Write each row of a table with a format such as ``v %r %r %r``, floats in shortest form."""
     for start in range(0, len(rows), _BLOCK):
         block = rows[start : start + _BLOCK]
         file.write((row_format * len(block) % tuple(block.ravel().tolist())).encode("ascii"))

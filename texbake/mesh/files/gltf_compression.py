@@ -59,7 +59,7 @@ def encode_triangles(indices: npt.NDArray[Any], n_vertices: int) -> bytes:
 
 
 def ordered_triangles(indices: Int64Array, n_vertices: int) -> tuple[Int64Array, Int64Array]:
-    """Triangles (3 F,) that follow neighbors, so compress better, and the old id of each vertex."""
+    """Triangles (3 F,) in an order of neighbors, which compresses better, and old vertices (n,)."""
     given = np.ascontiguousarray(indices, np.uint32)
     codes = np.empty_like(given)
     _library().optimize_vertex_cache(codes, given, len(given), n_vertices)

@@ -187,7 +187,7 @@ _WORD = re.compile(rb"(?:\\(?:\r\n|\r|\n)?|[\x00-\x09\x0b\x0c\x0e-\x20])*([^\x00
 
 
 def find_lines(data: ByteArray) -> Lines:
-    """Int64Array of the statements of each kind: behind the keyword, at it for marks."""
+    """Offsets of the statements of each kind: behind the keyword, at it for marks."""
     counts = np.zeros(5, dtype=np.int64)
     core.find_statements(data, False, counts, np.empty(0, dtype=np.int64))
     ends = np.cumsum(counts)

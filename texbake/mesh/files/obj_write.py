@@ -1,7 +1,7 @@
 """Writing Wavefront OBJ, which `texbake.mesh.files.obj` reads, and a file of UV sets beside it.
 
-docs/reference/formats.md describes that archive. `of_faces` in it is a checksum of the faces that
-its sets belong to, so that it no longer fits once another program has changed them.
+docs/reference/formats.md describes the archive of UV sets. `of_faces` in it is a checksum of the
+faces that its sets belong to, so that it no longer fits once another program has changed them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def write_obj(
     face_materials: IntArray | None = None,
     material_names: Sequence[str] = (),
 ) -> None:
-    """Write a mesh, which `read_obj` reads back bit for bit, with `face_materials` (F,) int32."""
+    """Write a mesh as OBJ without tangents, further uvs beside it; `face_materials` (F,) int32."""
     polygons = outlines(mesh)
     polygons.warn(path)
     ends = np.cumsum(polygons.sizes)

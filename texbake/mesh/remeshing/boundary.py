@@ -243,7 +243,7 @@ def kind_of(points: FloatArray, faces: IntArray, *, threads: int | None = None) 
 
 
 def _area_that_closes(points: FloatArray, edges: MeshEdges) -> float:
-    """Return the least area that closes a surface, which is the length of its vector area."""
+    """Return a lower bound of the area that closes a surface: the length of its vector area."""
     walks = 2 * edges.n_forward - edges.n_faces  # upwards, less those downwards
     ends = points[edges.vertices[walks != 0]]
     sums = (walks[walks != 0][:, None] * np.cross(ends[:, 0], ends[:, 1])).sum(axis=0)

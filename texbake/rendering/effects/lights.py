@@ -35,7 +35,7 @@ _AROUND_CORNERS = 0.99
 
 @dataclass(frozen=True, eq=False)
 class PlacedLight:
-    """A light in world space for the kernels, where it shines to; `cosines` of a cone or -1."""
+    """A light in world space for the kernels; `cosines` of its cones, -1 for a point light."""
 
     kind: str
     radiance: Float32Array

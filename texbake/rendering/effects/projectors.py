@@ -99,7 +99,7 @@ class ProjectedPoints:
 def project_onto(
     matrix: FloatArray, points: FloatArray, steps: FloatArray | None, filter_name: str
 ) -> ProjectedPoints:
-    """Project world points (n, 3), with `pixel_steps`, onto a picture by (4, 4); 0 behind it."""
+    """Project world points (n, 3) by a (4, 4) matrix; coverage 0 behind the projector."""
     n = len(points)
     has_footprint = filter_name in FILTERS_WITH_FOOTPRINT
     places, coverage = np.empty((n, 2)), np.empty(n, np.float32)

@@ -69,7 +69,7 @@ def divide_parts(
 def step_lengths(
     points: FloatArray, faces: IntArray, opposite: IntArray, polygons: IntArray | None = None
 ) -> FloatArray:
-    """(F, 3) steps to neighbors, 0 without; below 0 in a polygon; `core/face_parts.c`."""
+    """(F, 3) steps to neighbors, 0 for none, negative within a polygon; `core/face_parts.c`."""
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     lengths = np.empty((len(faces), 3))
     core.find_step_lengths(points, faces, neighbors, _SMOOTHINGS, lengths)

@@ -130,7 +130,7 @@ def _taken_apart(
     chart_ids: IntArray,
     lost: npt.NDArray[np.bool_],
 ) -> tuple[npt.NDArray[np.int64], FloatArray, IntArray]:
-    """Make `lost` faces, flattened again, and overlapping faces charts; some uvs stay unused."""
+    """Give `lost` faces, flattened again, and overlapping ones charts; some uvs stay unused."""
     charts = chart_ids[faces[:, 0]]
     layers = overlap_layers(uvs[faces], charts, depth=OVERLAP_DEPTH)
     layers[lost] = 0

@@ -42,7 +42,7 @@ class MergeTolerance:
         )
 
     def has_place(self, one: ChartPiece, other: ChartPiece) -> bool:
-        """Whether two pieces are small enough to be joined, and none is lost on a long strip."""
+        """Whether two pieces are small enough to be joined, and neither is a strip far longer."""
         longer, shorter = max(one.length, other.length), min(one.length, other.length)
         if longer > self.strip_length and shorter < longer / 2.0:
             return False

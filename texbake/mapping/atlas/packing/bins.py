@@ -114,7 +114,7 @@ class Bins:
     def _fill(
         self, bitmaps: Bitmaps, order: IntArray, places: IntArray, tiles: IntArray, most: int
     ) -> tuple[int | None, int]:
-        """Place charts in the first tile with room; return tiles, None for none, and top row."""
+        """Place charts in the first tile with room; return tiles (None if none fits), top row."""
         for tile in range(most):
             last = tile == most - 1
             found, tops, n_missing = place_charts(
@@ -190,7 +190,7 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
 
 
 def _guess_with_padding(bins: Bins, share: float) -> float:
-    """Scale at which charts, as padded squares, fill a share of what padding leaves."""
+    """Scale at which charts, as squares with padding between them, fill a share of the tiles."""
     gap = float(len(bins.grid.half_widths) // 2)
     padding = len(bins.areas) * gap**2
     n_cells = bins.grid.width * bins.grid.height * bins.n_tiles

@@ -197,7 +197,7 @@ class Outlines:
 
     @cached_property
     def drawn(self) -> tuple[IntArray, IntArray]:
-        """Triangles (S, 3) of charts with mirrored ones, and directed borders (B, 2) of others."""
+        """Triangles (S, 3) of charts with mirrored ones, borders (B, 2) of others, by chart."""
         charts = self.chart_ids[self.faces[:, 0]]
         areas = signed_areas(self.uvs[self.faces])
         solid = (self.faces != np.roll(self.faces, 1, axis=1)).all(axis=1)
@@ -212,7 +212,7 @@ class Outlines:
 
 
 def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
-    """(C,) rotations, of 90, with the least bounding box, by `core/chart_bitmaps.c`."""
+    """(C,) radians, of 90 angles, with the least bounding box; `core/chart_bitmaps.c`."""
     order = np.argsort(chart_ids, kind="stable")
     n_charts = int(chart_ids.max()) + 1
     starts = np.searchsorted(chart_ids[order], np.arange(n_charts + 1))

@@ -46,7 +46,7 @@ _SEARCH = SearchLimits(samples=24, radius=12, step=4, patience=80, work=300_000_
 
 
 def pair_weights(areas: FloatArray) -> IntArray:
-    """(C, C) cost of an overlapping cell by areas in cells: small charts are as far to move."""
+    """(C, C) cost of an overlapping cell, by areas in cells; higher for small charts."""
     sides = np.sqrt(np.minimum.outer(areas, areas) + 1.0)
     return np.asarray(np.clip(_BASE_WEIGHT / sides, 8.0, 2048.0), dtype=np.int32)
 
@@ -60,7 +60,7 @@ def separate(
     search: SearchLimits,
     seed: int,
 ) -> tuple[IntArray, int, int]:
-    """Places (C, 3) of least overlap, its cells, and work; `core/guided_local_search.c`."""
+    """Least overlap: (C, 3) column, row, orientation; cells; work. `core/guided_local_search.c`."""
     best_places = places.copy()
     work = np.empty(1, dtype=np.int64)
     overlap = core.separate_charts(

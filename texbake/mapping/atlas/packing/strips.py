@@ -74,7 +74,7 @@ def with_wide_strips(
     length, width = sides(_largest(have_room, longest))
     charts = charts.upright(np.where(strips, -_directions(charts), 0.0))
     boxes = np.maximum(_boxes(charts), _TINY)
-    factors = np.minimum(longest / (boxes * scale), 1.0)
+    factors = longest / np.maximum(boxes * scale, longest)
     # A bent strip fills a square at most.
     most = length[:, None] / (boxes[strips] * scale)
     wider = width / (widths[strips] * scale)
