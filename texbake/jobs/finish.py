@@ -89,9 +89,7 @@ class Finished(Asset):
         return {
             "faces": [self.high.n_faces, self.low.n_faces],
             "warnings": self.warnings,
-            "simplify": self.simplified.to_json(),
-            "unwrap": self.unwrapped.to_json(),
-            "bake": self.baked.report.to_json(),
+            **self.to_json(),
             "stages": [asdict(stage) for stage in self.stages],
         }
 

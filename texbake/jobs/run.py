@@ -73,6 +73,16 @@ class Asset:
         """What the user should know about the low-poly mesh, one sentence each."""
         return (*self.orientation.notes, *self.why_closed, *self.simplified.notes)
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the figures as plain values, for `json.dump`."""
+        return {
+            "orientation": asdict(self.orientation),
+            "remesh": list(self.why_closed),
+            "simplify": self.simplified.to_json(),
+            "unwrap": self.unwrapped.to_json(),
+            "bake": self.baked.report.to_json(),
+        }
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult(Asset):
@@ -131,11 +141,7 @@ class RunResult(Asset):
         return {
             "files": {name: str(path) for name, path in self.files.items()},
             "stages": [asdict(stage) for stage in self.stages],
-            "orientation": asdict(self.orientation),
-            "remesh": list(self.why_closed),
-            "simplify": self.simplified.to_json(),
-            "unwrap": self.unwrapped.to_json(),
-            "bake": self.baked.report.to_json(),
+            **super().to_json(),
             "compare": None if self.comparison is None else self.comparison.to_json(),
             "levels": [
                 {
@@ -260,16 +266,10 @@ def make_asset(
         if low_poly.ray_distance is None:  # otherwise they miss what fills the tunnels
             baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
         check_texels(low, baked)
-    asset = Asset(
-        high=high,
-        low=low,
-        orientation=orientation,
-        why_closed=low_poly.why,
-        simplified=low_poly.report,
-        unwrapped=unwrapped,
-        baked=baked,
-    )
-    return asset, coarser
+    return Asset(
+        high=high, low=low, orientation=orientation, why_closed=low_poly.why,
+        simplified=low_poly.report, unwrapped=unwrapped, baked=baked,
+    ), coarser  # fmt: skip
 
 
 def _sampling_rows(baked: BakeResult) -> list[tuple[str, str]]:

@@ -117,20 +117,17 @@ def with_visible_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
     is_turned = np.zeros(len(normals), np.bool_)
     is_turned[corner_rows[turned]] = True
     corners = np.flatnonzero(is_turned[corner_rows] & (sides != 0.0).any(axis=1)[:, np.newaxis])
-    found, ids, counts = np.unique(
-        corner_rows.ravel()[corners], return_inverse=True, return_counts=True
-    )
-    order, starts = np.argsort(ids, kind="stable"), np.cumsum(counts) - counts
-    ids, around, chosen = ids[order], sides[corners[order] // 3], normals[found]
+    found, ids = np.unique(corner_rows.ravel()[corners], return_inverse=True)
+    around, chosen, least = sides[corners // 3], normals[found], np.empty(len(found))
     for _ in range(_STEPS):
         cosines = pm.vecdot(around, chosen[ids])
-        least = np.minimum.reduceat(cosines, starts)
-        are_worst = cosines == least[ids]
-        worst = np.unique(ids[are_worst], return_index=True)[1]
-        steps = np.maximum(margin - least, 0.0)[:, np.newaxis]
-        chosen += around[are_worst][worst] * steps
+        least.fill(np.inf)
+        np.minimum.at(least, ids, cosines)
+        worst = np.flatnonzero(cosines == least[ids])
+        worst = worst[np.unique(ids[worst], return_index=True)[1]]
+        chosen += around[worst] * np.maximum(margin - least, 0.0)[:, np.newaxis]
         chosen /= pm.norm(chosen, axis=1)[:, np.newaxis]
-    visible = np.minimum.reduceat(pm.vecdot(around, chosen[ids]), starts) > 0.0
+    visible = least > 0.0
     normals = normals.copy()
     normals[found[visible]] = chosen[visible]
     return mesh.replace(normals=normals[firsts], normal_faces=rows, tangents=None)
