@@ -72,31 +72,39 @@ def make_atlas(
 
     `seams`: for each mesh, (F, 3) bool: edges at which charts are cut; None to choose them.
     """
-    atlases, packing = _packed_charts(meshes, options, stages, seams, threads)
-    if options.quality == "best" and not options.keep and any(each is None for each in seams):
-        # On meshes of few faces, allowing more stretch may lead to nothing.
-        good = replace(options, quality="good")
-        others, denser = _packed_charts(meshes, good, stages, seams, threads)
-        if denser.fill > packing.fill and len(denser.tiles) <= len(packing.tiles):
-            return others
-    return atlases
-
-
-def _packed_charts(
-    meshes: Sequence[Mesh],
-    options: UnwrapOptions,
-    stages: Stages,
-    seams: Sequence[BoolArray | None],
-    threads: int | None,
-) -> tuple[list[Atlas], Packing]:
-    """Make the charts of meshes and pack them."""
-    name = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
     if options.by_group:  # fail before the work
-        check_tiles(len(_groups_in_use(meshes)), options.tiles, name)
+        check_tiles(len(_groups_in_use(meshes)), options.tiles, _name_of(meshes))
     all_charts = [
         _make_charts(mesh, options, stages, marked, threads)
         for mesh, marked in zip(meshes, seams, strict=True)
     ]
+    atlases, packing = _packed_charts(meshes, all_charts, options, stages, threads)
+    if options.quality == "best" and not options.keep and any(each is None for each in seams):
+        # On meshes of few faces, allowing more stretch may lead to nothing.
+        options = replace(options, quality="good")
+        all_charts = [
+            _make_charts(mesh, options, stages, marked, threads)
+            for mesh, marked in zip(meshes, seams, strict=True)
+        ]
+        if sum(charts.n_charts for charts in all_charts) <= len(packing.tiles):
+            others, denser = _packed_charts(meshes, all_charts, options, stages, threads)
+            if denser.fill > packing.fill:
+                return others
+    return atlases
+
+
+def _name_of(meshes: Sequence[Mesh]) -> str:
+    return meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
+
+
+def _packed_charts(
+    meshes: Sequence[Mesh],
+    all_charts: list[Charts],
+    options: UnwrapOptions,
+    stages: Stages,
+    threads: int | None,
+) -> tuple[list[Atlas], Packing]:
+    """Pack the charts of meshes."""
     sides = [float((mesh.bounds[1] - mesh.bounds[0]).max()) for mesh in meshes]
     unit = max(sides) or 1.0
     all_charts = [
@@ -114,7 +122,7 @@ def _packed_charts(
             offset_joined([(charts.chart_ids, charts.n_charts) for charts in all_charts]),
             size=size,
             padding=padding,
-            name=name,
+            name=_name_of(meshes),
             effort=options.quality,
             tiles=options.tiles,
             tile_groups=_tile_groups(meshes, all_charts) if options.by_group else None,

@@ -194,10 +194,14 @@ def _connected(
     ).reshape(-1, 3)
     is_border = np.ones((len(face_ids), 3), dtype=bool)
     is_border.ravel()[half_edges] = False
+    areas, angles = surface_areas(corners), _corner_angles(corners)
     return [
-        _piece(face_ids[own], corners[own], corner_uvs[own], vertices[own], is_border[own])
+        _piece(
+            face_ids[own], corners[own], corner_uvs[own], vertices[own], is_border[own],
+            float(areas[own].sum()), angles[own],
+        )
         for own in _connected_faces(len(face_ids), half_edges, across)
-    ]
+    ]  # fmt: skip
 
 
 def _connected_faces(n_faces: int, half_edges: IntArray, across: IntArray) -> list[LongArray]:
@@ -212,6 +216,8 @@ def _piece(
     corner_uvs: FloatArray,
     vertices: IntArray,
     is_border: npt.NDArray[np.bool_],
+    area: float,
+    angles: FloatArray,
 ) -> ChartPiece:
     """Renumber the vertices of one piece, and measure it."""
     _, first, flat = np.unique(vertices, return_index=True, return_inverse=True)
@@ -225,12 +231,10 @@ def _piece(
         faces=faces,
         points=points,
         uvs=uvs,
-        angles=np.asarray(
-            np.bincount(faces.ravel(), _corner_angles(corners).ravel()), dtype=np.float64
-        ),
+        angles=np.asarray(np.bincount(faces.ravel(), angles.ravel()), dtype=np.float64),
         border=(3 * face_ids[rows] + columns).astype(np.int32),
         border_ends=np.stack([faces[rows, columns], faces[rows, (columns + 1) % 3]], axis=1),
-        area=float(surface_areas(corners).sum()),
+        area=area,
         l2=np.inf if layout is None else layout.l2,
         hull_area=hull,
         length=length,
