@@ -47,14 +47,12 @@ def test_a_strip_that_is_wide_enough_keeps_its_shape():
     mesh = cables_and_ball(2e-2)
     report = unwrap_with_report(mesh, size=1024, padding=1, quality="fast")[1]
     assert report.notes == ()
-    assert report.distortion is not None
     assert report.distortion.stretch.l2 < 1.01
 
 
 def test_charts_that_are_kept_or_bounded_keep_their_shape():
     mesh = cables_and_ball(2e-4)
     bounded = unwrap_with_report(mesh, size=256, padding=1, quality="fast", max_stretch=1.1)[1]
-    assert bounded.distortion is not None
     assert bounded.distortion.stretch.l2 < 1.1
     kept = unwrap_with_report(unwrap(mesh, max_stretch=1.1), size=256, keep=True)[1]
     assert not kept.notes
