@@ -5,6 +5,7 @@ import pytest
 
 from texbake.sampling.report import (
     CHECKED_SHARE,
+    MOST_CHECKED,
     ErrorSummary,
     SamplingReport,
     check_random,
@@ -44,9 +45,10 @@ def test_shares_and_percentiles_of_errors_are_those_of_the_sorted_ones(n):
         assert value == pytest.approx(3.0 * (n - 1) / 8.0 * percent / 100)
 
 
-def test_a_hundredth_is_checked_and_always_the_same():
+def test_a_hundredth_is_checked_up_to_a_limit_and_always_the_same():
     assert [n_to_check(n) for n in (0, 1, 100, 101, 12_345)] == [0, 1, 1, 2, 124]
-    assert n_to_check(10**6) == CHECKED_SHARE * 10**6
+    assert n_to_check(10**5) == CHECKED_SHARE * 10**5
+    assert n_to_check(10**9) == MOST_CHECKED
     assert check_random().random(4).tolist() == check_random().random(4).tolist()
 
 

@@ -26,7 +26,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.streamed.mesh import StreamedMesh
-from texbake.parallel import run_bands
+from texbake.parallel import resolve_threads, run_bands
 from texbake.progress import Stages
 from texbake.raycast.rays import NO_HIT, RayHits, Rays
 from texbake.raycast.scene import RayPlaces, rows_of
@@ -109,8 +109,9 @@ _SAMPLES_AT_ONCE = 1 << 20
 _SAMPLES_IN_CHUNKS = 1 << 22
 # Fewer where each sample has many secondary rays, so that progress is seen.
 _SAMPLES_WITH_SECONDARY = 1 << 16
-# Rays of a band, their hits and the rows of `Hits` stay in a processor's cache.
-_SAMPLES_PER_BAND = 1 << 14
+# Rays of a band and their hits, in several megabytes. A band costs half a millisecond beside its
+# rays, so smaller ones, which stay in a faster cache, take longer.
+_LEAST_BAND, _MOST_BAND = 1 << 13, 1 << 16
 # Rays are long if they go farther behind the low-poly surface than about `_LONG` times the width of
 # a high-poly triangle. They are first cast over `_NEAR` of that distance.
 _LONG, _NEAR = 16.0, 0.25
@@ -227,7 +228,9 @@ class Trace:
             if self.scenes.high.in_chunks:
                 cast(0, len(samples), threads)  # all of them into one chunk after another
             else:
-                run_bands(cast, len(samples), band=_SAMPLES_PER_BAND, threads=threads)
+                of_thread = len(samples) // (2 * resolve_threads(threads))
+                band = min(max(of_thread, _LEAST_BAND), _MOST_BAND)
+                run_bands(cast, len(samples), band=band, threads=threads)
             n_missed, n_passed, n_lengthened = np.sum(counted, axis=0).tolist()
             self.counts.rays_cast += len(samples)
             self.counts.rays_missed += n_missed
@@ -295,7 +298,7 @@ class Trace:
             rays, _ = rays_at(band)
             hits.where(band).fill(samples.where(band), rays, ray_hits.where(band), scene.frame)
 
-        run_bands(fill, len(samples), band=_SAMPLES_PER_BAND, threads=threads)
+        run_bands(fill, len(samples), band=_MOST_BAND, threads=threads)
         return ray_hits
 
     def _cast_near_first(self, rays: Rays, places: RayPlaces, threads: int | None) -> RayHits:

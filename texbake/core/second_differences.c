@@ -101,8 +101,12 @@ static inline double deviation(
 }
 
 static const double TOWARDS = 1.0 / 18.0; /* share of the second differences added to a sample */
+static const float OWN = 2.0f / 3.0f; /* share of a texel's own second differences */
 static const double DEVIATION = 2.0; /* second differences that a deviation counts as */
 static const double PARTLY = 2.5; /* measured: how much further off a partly covered texel is */
+/* The outline of a chart often follows a feature that no neighbor shows, so a partly covered texel is
+   divided at a smaller difference: this many times its second differences count, up to ENOUGH. */
+static const double CAREFUL = 20.0, ENOUGH = 5.1;
 
 /* Find wholly covered texels of the same chart along an axis (0: x, 1: y). */
 static struct neighbors neighbors_along(const struct texel_samples *samples, int64_t texel, int axis)
@@ -275,6 +279,34 @@ EXPORT void judge_samples(
         steps[i] = (float)judge_texel(&samples, &metric, first + i, means[i]);
 }
 
+/* Blend the second differences of wholly covered texels with the mean of those beside them, which
+   tell of bends that the five samples of a texel do not meet. */
+EXPORT void blend_steps(
+    int64_t n_texels, int64_t n_room, int64_t n, int64_t height, int64_t width, int64_t first,
+    const uint8_t counts[n_texels], const int32_t charts[n_room], const float steps[n_texels],
+    float blended[n])
+{
+    for (int64_t i = 0; i < n; i++) {
+        const int64_t texel = first + i, column = texel % width;
+        blended[i] = steps[texel];
+        if (counts[texel] != FULL || charts[texel] == NO_CHART || steps[texel] == INFINITY)
+            continue;
+        const bool has[4] = {
+            column > 0, column + 1 < width, texel >= width, texel + width < height * width};
+        const int64_t others[4] = {texel - 1, texel + 1, texel - width, texel + width};
+        float sum = 0.0f, n_others = 0.0f;
+        for (int side = 0; side < 4; side++) {
+            const int64_t other = has[side] ? others[side] : texel;
+            const bool counts_too = counts[other] == FULL && charts[other] == charts[texel] &&
+                                    steps[other] < INFINITY;
+            sum += counts_too ? steps[other] : 0.0f;
+            n_others += counts_too ? 1.0f : 0.0f;
+        }
+        if (n_others > 0.0f)
+            blended[i] = OWN * steps[texel] + (1.0f - OWN) * sum / n_others;
+    }
+}
+
 /* Judge partly covered texels by the wholly covered ones beside them. */
 EXPORT int64_t judge_partly_covered(
     int64_t n_texels, int64_t n_room, int64_t n_channels, int64_t n_maps, int64_t n,
@@ -305,7 +337,8 @@ EXPORT int64_t judge_partly_covered(
         double away = 0.0;
         for (int64_t k = 0; k < n_maps; k++)
             away = max_f64(away, deviation(&samples, &metric, texel, inner, slopes, dx, dy, k));
-        judged[i] = (float)(PARTLY * max_f64(steps[inner], DEVIATION * away));
+        away = max_f64(steps[inner], DEVIATION * away);
+        judged[i] = (float)max_f64(PARTLY * away, min_f64(CAREFUL * away, ENOUGH));
     }
     close_arena(arena);
     return 0;
@@ -314,14 +347,19 @@ EXPORT int64_t judge_partly_covered(
 /* How far the mean of four samples may be off: shares of second differences, of how far the four
    together deviate from an even change, and of how far that exceeds LEAP second differences, which
    it never does where values merely bend. */
-static const double EVEN = 0.01, UNEVEN = 0.05, UNSTEADY = 0.15;
+static const double EVEN = 0.008, UNEVEN = 0.04, UNSTEADY = 0.12;
 static const double LEAP = 0.6;
 /* Shares of the first sample and of second differences in the mean of a texel with four more. */
 static const double FIRST = 0.1, OF_CELLS = 0.016;
-/* Share of a second difference that a sample of a cell may be off by: 1/8 for a bend, and a little
-   more for leaps, whose 1/2 has either sign in the cells along them. */
-static const double BEND = 0.15;
-static const double BORDER = 0.25; /* share of a first difference, at a border */
+/* Share of a second difference that a sample of a cell may be off by, so that the root of the sum of
+   squares over a texel is 1.5 to 3 times its error; of a first difference, at a border. */
+static const double BEND = 0.3, BORDER = 0.45;
+/* Factor for the finest cells: a leap along their rows leaves errors of one sign, and no further
+   samples follow. */
+static const double FINEST = 2.0;
+
+/* Cells whose squared error is more than an even share of this part of the squared bound are divided. */
+static const double EVEN_SHARE = 0.25;
 
 enum { NOWHERE = -1 };
 
@@ -618,6 +656,7 @@ EXPORT void judge_cells(
 {
     const struct cells cells = {
         height, width, n_channels, children, charts, values[0], {n_maps, firsts, scales}};
+    const float factor = FINE >> level == 1 ? (float)FINEST : 1.0f;
     for (int64_t i = 0; i < n; i++) {
         errors[i] = 0.0f;
         if (weights[i] == 0)
@@ -632,11 +671,17 @@ EXPORT void judge_cells(
                           ? judge_empty(&cells, &cell, axis, sides, errors[i])
                           : judge_along(&cells, &cell, axis, sides, errors[i]);
         }
+        errors[i] *= factor;
     }
 }
 
-/* Mark the cells that are divided; add the errors of the others to their texels. The cells of a
-   texel stand together. */
+static inline double squared(double value)
+{
+    return value * value;
+}
+
+/* Mark the cells that are divided; add the errors of the others to their texels, as independent
+   errors add up. The cells of a texel stand together. */
 EXPORT void choose_divided(
     int64_t n, int64_t n_texels, bool may_divide, const int32_t texels[n],
     const uint8_t weights[n], const float errors[n], const uint8_t counts[n_texels],
@@ -644,20 +689,20 @@ EXPORT void choose_divided(
 {
     for (int64_t start = 0, stop; start < n; start = stop) {
         const int32_t texel = texels[start];
-        double total = 0.0;
-        int64_t n_leaves = 0;
+        const double covered = counts[texel];
+        double total = squared(texel_errors[texel]), kept = total, n_leaves = 0.0;
         for (stop = start; stop < n && texels[stop] == texel; stop++) {
-            total += (float)weights[stop] * errors[stop];
+            total += squared((float)weights[stop] * errors[stop] / covered);
             n_leaves += weights[stop] > 0;
         }
-        const double covered = counts[texel];
-        const bool is_too_far = may_divide && texel_errors[texel] + total / covered > 1.0;
+        const bool is_too_far = may_divide && total > 1.0;
         for (int64_t i = start; i < stop; i++) {
-            const double error = (double)((float)weights[i] * errors[i]) / covered;
-            if (is_too_far && weights[i] > 1 && error * (double)n_leaves > 0.5)
+            const double error = squared((float)weights[i] * errors[i] / covered);
+            if (is_too_far && weights[i] > 1 && error * n_leaves > EVEN_SHARE)
                 divided[i] = true;
             else
-                texel_errors[texel] = (float)(texel_errors[texel] + error);
+                kept += error;
         }
+        texel_errors[texel] = (float)sqrt(kept);
     }
 }

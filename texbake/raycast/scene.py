@@ -133,11 +133,13 @@ class RayScene:
         hits = RayHits.misses(n)
         # What the test of rays and triangles has computed, which decides between chunks.
         nearest, backs = np.full(n, np.inf), np.full(n, np.inf)
-        boxes = np.full((-(-n // _RAYS_PER_BAND), 6), np.nan)
+        # Small bands of rays have boxes that miss more chunks.
+        per_band = max(n, 1) if threads == 1 and not self.in_chunks else _RAYS_PER_BAND
+        boxes = np.full((-(-n // per_band), 6), np.nan)
         for tree in self.trees():
 
             def cast(start: int, stop: int, tree: MortonTree = tree) -> None:
-                band, box = slice(start, stop), boxes[start // _RAYS_PER_BAND]
+                band, box = slice(start, stop), boxes[start // per_band]
                 # False for a box that is not known yet: its coordinates are NaN.
                 first, last = box[:3] - _BOX_SLACK, box[3:] + _BOX_SLACK
                 if (last < tree.box[:3]).any() or (first > tree.box[3:]).any():
@@ -166,7 +168,7 @@ class RayScene:
                     hits.passed_back[band],
                 )
 
-            run_bands(cast, n, band=_RAYS_PER_BAND, threads=threads or self.threads)
+            run_bands(cast, n, band=per_band, threads=threads or self.threads)
         return hits
 
     def trees(self) -> Iterator[MortonTree]:

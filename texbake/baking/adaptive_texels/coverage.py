@@ -141,7 +141,7 @@ def cell_samples(
             texels[start:stop], spots[start:stop], owners[start:stop], weights[start:stop],
         )  # fmt: skip
 
-    run_bands(fill, len(places), band=1 << 14, threads=threads)
+    run_bands(fill, len(places), band=1 << 16, threads=threads)
     samples, is_owned = Samples(texels, owners, weights), owners != NO_FACE
     if is_owned.all():
         return places, samples

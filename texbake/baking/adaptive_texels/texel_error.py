@@ -135,7 +135,7 @@ def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:
 
 # What one sample, and what four samples, may be off by, in second differences.
 ONE_SAMPLE = np.float32(0.2)
-FOUR_SAMPLES = 0.05
+FOUR_SAMPLES = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,19 +153,26 @@ class TexelError:
 
         Returns `means` (n_texels, C) float32: 0 where there is no value; `steps` (n_texels,)
         float32: second differences in bounds, summed over both axes, of the map where they are
-        greatest; infinite where too little is known.
+        greatest, and blended with those of neighbors; infinite where too little is known.
         """
         n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]
         means = np.zeros((n, n_channels), dtype=np.float32)
-        steps = np.empty(n, dtype=np.float32)
+        own, steps = np.empty((2, n), dtype=np.float32)
 
         def judge(start: int, stop: int) -> None:
             core.judge_samples(
                 *self.shape, start, self.coverage.counts, self.cells.charts, self.cells.values,
-                *self.metric, steps[start:stop], means[start:stop],
+                *self.metric, own[start:stop], means[start:stop],
             )  # fmt: skip
 
-        run_bands(judge, n, band=1 << 15, threads=self.threads)
+        def blend(start: int, stop: int) -> None:
+            core.blend_steps(
+                *self.shape, start, self.coverage.counts, self.cells.charts, own,
+                steps[start:stop],
+            )  # fmt: skip
+
+        run_bands(judge, n, band=1 << 16, threads=self.threads)
+        run_bands(blend, n, band=1 << 16, threads=self.threads)
         partly = np.flatnonzero(steps < 0.0)
         judged = np.empty(len(partly), dtype=np.float32)
 
@@ -190,7 +197,7 @@ class TexelError:
                 *self.metric, steps, parents[start:stop], means, errors[start:stop],
             )  # fmt: skip
 
-        run_bands(judge, len(parents), band=1 << 13, threads=self.threads)
+        run_bands(judge, len(parents), band=1 << 16, threads=self.threads)
         return errors
 
     def of_cells(self, k: int) -> FloatArray32:
@@ -206,7 +213,7 @@ class TexelError:
                 *self.metric, errors[start:stop],
             )  # fmt: skip
 
-        run_bands(judge, len(errors), band=1 << 14, threads=self.threads)
+        run_bands(judge, len(errors), band=1 << 16, threads=self.threads)
         return errors
 
     def divide(
@@ -243,14 +250,16 @@ class TexelError:
         children = cells.children[quarters.first : quarters.first + len(quarters)]
         is_further = (children.reshape(-1, 4) != NO_CHILD).any(axis=1)
         errors[parents] = np.where(is_further, np.float32(0.0), judged)
+        squares = np.zeros(len(errors), dtype=np.float32)
         for k, level in enumerate(cells.levels[1:], start=2):
             of_cells = self.of_cells(k)
             children = cells.children[level.first : level.first + len(level)]
             kept = np.flatnonzero((children == NO_CHILD) & (level.weights > 0))
             texels = level.texels[kept]
-            np.add.at(
-                errors, texels, level.weights[kept] * of_cells[kept] / self.coverage.counts[texels]
-            )
+            of_kept = level.weights[kept] * of_cells[kept] / self.coverage.counts[texels]
+            np.add.at(squares, texels, of_kept**2)
+        is_finer = squares > 0.0
+        errors[is_finer] = np.sqrt(squares[is_finer])
         return errors
 
 

@@ -33,13 +33,13 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.texel_values import TexelSums, finished_maps
 from texbake.progress import Stages
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, parse_bounds
-from texbake.sampling.report import CHECKED_SHARE
+from texbake.sampling.report import n_to_check
 from texbake.sampling.rounds import BudgetClock, OutOfTimeError, Rounds, TimeBudget, spread_rows
 
 # The closest bounds where none is given: about what 16-bit maps round off.
 _CLOSEST = ErrorBounds(angle=math.radians(0.004), share=1e-6)
 # Factor by which errors fall with four times the samples, beyond four.
-_FALL = np.float32(3.0)
+_FALL = np.float32(5.0)
 # Measured: what rounds cost, as a multiple of what the errors predict: cells are judged
 # more strictly than texels.
 _GROWTHS = 1.2, 2.0
@@ -138,7 +138,7 @@ class TexelRounds:
             self._first_errors = errors, costs = _of_first_samples(steps)
         estimate = self._clock.spent - start
         n_covered = int(np.count_nonzero(sampler.cells.charts[: len(steps)] != NO_CHART))
-        check = unit * _CHECK_COST * CHECKED_SHARE * n_covered * N_CHECK_SAMPLES
+        check = unit * _CHECK_COST * n_to_check(n_covered) * N_CHECK_SAMPLES
         with sampler.stages.stage("time what follows"):
             after = self._time_finishing() + check + estimate * len(bounded)
         self._rounds.learn_first(

@@ -197,7 +197,7 @@ def in_tiles(chosen: BoolArray) -> IntArray:
 
 
 # So few that what one step writes is still in the cache when the next one reads it.
-_SAMPLES_AT_ONCE = 1 << 17
+_SAMPLES_AT_ONCE = 1 << 18
 
 
 class TexelSampler:
