@@ -219,7 +219,7 @@ def test_values_that_were_clipped_are_counted_in_a_warning(ball):
 
     assert finished(1.0 + 1e-4).warnings == []
     (warning,) = finished(1.5).warnings
-    assert warning.endswith(" values of base-color outside [0, 1] became 0 or 1")
+    assert warning.endswith(" values of base-color were out of range and clipped")
 
 
 @pytest.mark.parametrize(

@@ -195,6 +195,20 @@ def test_normals_turn_to_the_front_of_all_faces_where_one_does():
     assert with_visible_normals(ball) is ball
 
 
+def test_a_normal_that_turns_stays_where_distant_faces_share_it():
+    shared = np.array([0.96, 0.0, -0.28])
+    mesh = Mesh(
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 1]],
+        faces=[[0, 1, 2], [3, 4, 5]],
+        normals=[shared],
+        normal_faces=np.zeros((2, 3), np.int32),
+    )
+    seen = with_visible_normals(mesh)
+    turned, kept = seen.normals[seen.normal_faces]
+    assert (turned[:, 2] > 0.0).all() and (turned[:, 0] > 0.9).all()
+    assert np.array_equal(kept, [shared] * 3)
+
+
 @pytest.mark.parametrize("radius", [1.0, 3.0, 1e-4, 1e6])
 def test_a_sphere_with_radial_normals_has_one_over_its_radius_exactly(radius):
     ball = icosphere(3)

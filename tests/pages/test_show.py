@@ -9,7 +9,7 @@ from PIL import Image
 import texbake
 from texbake.errors import OptionError, UvError
 from texbake.mesh.shapes import grid_sphere, uv_sphere
-from texbake.texture.image import Image as TexbakeImage
+from texbake.texture.image import Image as TexbakeImage, write_image
 from texbake.texture.png_files import picture_png
 
 READY = "document.querySelector('#view').dataset.state === 'ready'"
@@ -124,5 +124,17 @@ def test_arrays_are_maps(pair, baked, tmp_path):
         normal = np.asarray(picture)
     page = texbake.show(pair[1], {"normal": normal, "color": np.full((8, 8, 3), 0.2)})
     assert "normal map" in page.html and "color map" in page.html
-    with pytest.raises(OptionError, match="maps: normal: 3 is no map, file or image"):
+    with pytest.raises(OptionError, match=r"maps: normal: the shape \(\) is no image"):
         texbake.show(pair[1], {"normal": 3})
+    with pytest.raises(OptionError, match=r"maps: color: it is not an array of numbers"):
+        texbake.show(pair[1], {"color": [[1, 2], [3]]})
+
+
+def test_heights_of_an_array_are_scaled_as_those_of_a_file(pair, tmp_path):
+    heights = np.linspace(-3.0, 5.0, 64, dtype=np.float32).reshape(8, 8)
+    write_image(heights, tmp_path / "heights.exr", color=False)
+    of_array, of_file = (
+        texbake.show(pair[1], {"displacement": item}).html
+        for item in (heights, tmp_path / "heights.exr")
+    )
+    assert of_array == of_file

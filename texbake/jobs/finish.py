@@ -274,7 +274,7 @@ class _Sampler:
     def notes(self) -> tuple[str, ...]:
         """A sentence for each channel of which values were clipped."""
         return tuple(
-            f"sample: {counted(n, 'value')} of {name} outside [0, 1] became 0 or 1"
+            f"sample: {counted(n, 'value')} of {name} were out of range and clipped"
             for name, n in self._n_clipped.items()
         )
 

@@ -19,6 +19,7 @@ from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
+from texbake.mesh.weld import unique_rows
 from texbake.parallel import resolve_threads, run_bands
 
 # A cross product shorter than this times the square of the longest edge is rounding, not area:
@@ -47,7 +48,7 @@ def degenerate_faces(mesh: Mesh) -> BoolArray:
 
 
 def vertex_normals(mesh: Mesh, *, threads: int | None = None) -> FloatArray:
-    """(V, 3) angle-weighted unit normals of vertices by index; canceling ones as the first face."""
+    """(V, 3) angle-weighted unit normals by index; the first face's where they cancel; else 0."""
     faces = mesh.faces
     return weighted_normals(mesh.positions, faces, faces, mesh.n_vertices, threads=threads)
 
@@ -105,15 +106,20 @@ def with_visible_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
     """Return a mesh whose shading normals point to the front of all of their faces, if possible.
 
     An angle-weighted normal can point to the back of a small face that is much steeper than those
-    around it. Such a normal turns no more than that takes.
+    around it. Such a normal turns until all of its faces see it.
     """
     normals, rows = shading_normals(mesh, threads=threads)
-    firsts = weld_vertices(mesh, threads=threads) if rows is mesh.faces else np.arange(len(normals))
-    corner_rows, sides = firsts[rows], face_normals(mesh, threads=threads)
-    margin = pm.sin(NORMAL_ROUNDING)
+    sides, margin = face_normals(mesh, threads=threads), pm.sin(NORMAL_ROUNDING)
     turned = pm.vecdot(normals[rows], sides[:, np.newaxis]) < -margin
     if not turned.any():
         return mesh
+    firsts = weld_vertices(mesh, threads=threads)
+    if rows is not mesh.faces:  # distant corners may share a row
+        keys = np.stack([firsts[mesh.faces].ravel(), rows.ravel()], axis=1)
+        used, numbers = unique_rows(keys)
+        normals, rows = normals[rows.ravel()[used]], numbers.reshape(-1, 3)
+        firsts = np.arange(len(normals), dtype=np.int32)
+    corner_rows = firsts[rows]
     is_turned = np.zeros(len(normals), np.bool_)
     is_turned[corner_rows[turned]] = True
     corners = np.flatnonzero(is_turned[corner_rows] & (sides != 0.0).any(axis=1)[:, np.newaxis])
@@ -127,6 +133,8 @@ def with_visible_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
         worst = worst[np.unique(ids[worst], return_index=True)[1]]
         chosen += around[worst] * np.maximum(margin - least, 0.0)[:, np.newaxis]
         chosen /= pm.norm(chosen, axis=1)[:, np.newaxis]
+    least.fill(np.inf)
+    np.minimum.at(least, ids, pm.vecdot(around, chosen[ids]))
     visible = least > 0.0
     normals = normals.copy()
     normals[found[visible]] = chosen[visible]

@@ -5,15 +5,16 @@ from __future__ import annotations
 import html
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-import numpy as np
+import numpy.typing as npt
 
 from texbake.baking.result import BakedMap, BakeResult
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError
 from texbake.files import PathLike, scratch_folder
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.interchange import MeshLike, as_mesh, plain_array
 from texbake.mesh.mesh import Mesh
 from texbake.pages.page import as_json, asset, page_html, render, write_page
 from texbake.pages.pictures import (
@@ -132,6 +133,22 @@ def show(
     return MeshPage(mesh.name, page, height)
 
 
+def _written(image: npt.NDArray[Any], name: str, path: Path) -> Path:
+    """Write an image (H, W) or (H, W, C) as a file; its path, with the end of its name added."""
+    if image.ndim not in (2, 3) or image.size == 0:
+        raise OptionError(f"maps: {name}: the shape {image.shape} is no image; pass (H, W, C)")
+    coding = CODINGS.get(name, "color")
+    # A file of floats is shown from its least value to its greatest.
+    is_scaled = image.dtype.kind == "f" and coding not in ("color", "normal")
+    path = path.with_suffix(".exr" if is_scaled else ".png")
+    try:
+        write_image(image, path, color=coding == "color")
+    except OptionError as error:
+        reason = str(error).removeprefix(f"{path}: ")
+        raise OptionError(f"maps: {name}: {reason}") from None
+    return path
+
+
 def _pictures(mesh: Mesh, maps: Maps | None) -> list[MapPicture]:
     if isinstance(maps, BakeResult):
         maps = maps.maps
@@ -143,11 +160,8 @@ def _pictures(mesh: Mesh, maps: Maps | None) -> list[MapPicture]:
         with scratch_folder() as folder:
             for number, (name, item) in enumerate(files.items()):
                 if not isinstance(item, (str, os.PathLike)):
-                    image = np.asarray(item)
-                    if image.ndim not in (2, 3):
-                        raise OptionError(f"maps: {name}: {quoted(item)} is no map, file or image")
-                    files[name] = path = folder / f"{number}.png"
-                    write_image(image, path, color=CODINGS.get(name, "color") == "color")
+                    files[name] = folder / str(number)
+                    files[name] = _written(plain_array(item, f"maps: {name}"), name, files[name])
             return [*baked_pictures(baked), *file_pictures(files, codings=CODINGS)]
     if mesh.uvs is None:
         return []
