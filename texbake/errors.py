@@ -75,7 +75,7 @@ def similar(word: str, known: Iterable[str], cutoff: float = 0.6) -> str:
     """
     from difflib import get_close_matches  # takes a millisecond
 
-    close = get_close_matches(word, list(known), n=1, cutoff=cutoff)
+    close = get_close_matches(word, known, n=1, cutoff=cutoff)
     return f"did you mean {quoted(close[0])}?" if close else ""
 
 

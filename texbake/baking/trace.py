@@ -109,8 +109,8 @@ _SAMPLES_AT_ONCE = 1 << 20
 _SAMPLES_IN_CHUNKS = 1 << 22
 # Fewer where each sample has many secondary rays, so that progress is seen.
 _SAMPLES_WITH_SECONDARY = 1 << 16
-# Rays of a band and their hits, in several megabytes. A band costs half a millisecond beside its
-# rays, so smaller ones, which stay in a faster cache, take longer.
+# Rays of a band. A band costs half a millisecond beside its rays, so large ones, whose rays and
+# hits take several megabytes, are faster than small ones that stay in a processor's cache.
 _LEAST_BAND, _MOST_BAND = 1 << 13, 1 << 16
 # Rays are long if they go farther behind the low-poly surface than about `_LONG` times the width of
 # a high-poly triangle. They are first cast over `_NEAR` of that distance.

@@ -201,9 +201,9 @@ def _write_settings(
     materials: Materials | None,
 ) -> None:
     """Write import files, and with those of the finest level the settings of all levels."""
-    maps, convention, alpha = [], options.chosen("convention"), "opaque"
-    if materials is not None:
-        alpha = min(item.alpha_mode for item in materials.materials)  # blend, mask, opaque
+    maps, convention = [], options.chosen("convention")
+    modes = {item.alpha_mode for item in materials.materials} if materials is not None else ()
+    alpha = next((mode for mode in ("blend", "mask") if mode in modes), "opaque")
     for name, found in written.items():
         keys = {"mid": DISPLACEMENT_MID, "scale": DISPLACEMENT_SCALE}
         heights: dict[str, Any] = {

@@ -74,20 +74,20 @@ def make_atlas(
     """
     if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, _name_of(meshes))
-    all_charts = [
-        _make_charts(mesh, options, stages, marked, threads)
-        for mesh, marked in zip(meshes, seams, strict=True)
-    ]
-    atlases, packing = _packed_charts(meshes, all_charts, options, stages, threads)
-    if options.quality == "best" and not options.keep and any(each is None for each in seams):
-        # On meshes of few faces, allowing more stretch may lead to nothing.
-        options = replace(options, quality="good")
-        all_charts = [
+
+    def charts_of(options: UnwrapOptions) -> list[Charts]:
+        return [
             _make_charts(mesh, options, stages, marked, threads)
             for mesh, marked in zip(meshes, seams, strict=True)
         ]
-        if sum(charts.n_charts for charts in all_charts) <= len(packing.tiles):
-            others, denser = _packed_charts(meshes, all_charts, options, stages, threads)
+
+    atlases, packing = _packed_charts(meshes, charts_of(options), options, stages, threads)
+    if options.quality == "best" and not options.keep and any(each is None for each in seams):
+        # On meshes of few faces, allowing more stretch may lead to nothing.
+        good = replace(options, quality="good")
+        fewer = charts_of(good)
+        if sum(charts.n_charts for charts in fewer) <= len(packing.tiles):
+            others, denser = _packed_charts(meshes, fewer, good, stages, threads)
             if denser.fill > packing.fill:
                 return others
     return atlases

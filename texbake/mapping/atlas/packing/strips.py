@@ -54,7 +54,7 @@ def with_wide_strips(
             lambda scale: (length * scale * (width * scale + gap)).sum() <= room, most_scale
         )
 
-    scale = min(scale_of(unchanged | True, room), longest / float(lengths.max()))
+    scale = min(scale_of(~unchanged, room), longest / float(lengths.max()))
     if areas[strips & (widths * scale < _TOO_NARROW)].sum() <= lost:
         return charts, unchanged
     # Half of the room is for strips, half for the other charts, whose scale is that of all.
