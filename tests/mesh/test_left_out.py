@@ -256,11 +256,12 @@ def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
     document = json.loads(path.read_text())
     document["meshes"][0]["primitives"] *= 2  # the primitives of a mesh share its shape keys
     path.write_text(json.dumps(document))
-    line = "left out 1 skin and 1 shape key; the mesh is read in the pose it is stored in"
-    assert heard(path)[1] == [line]
+    assert heard(path)[1] == []  # a GLB file keeps them
+    assert unread_parts(path) == ("1 skin", "1 shape key")
     lines = []
     with heard_warnings(lines.append):
         read_scene(path)
+    line = "left out 1 skin and 1 shape key; the mesh is read in the pose it is stored in"
     assert lines == [f"{path}: {line}"]
 
 
@@ -273,11 +274,13 @@ def test_animations_and_lights_of_gltf_are_counted(tmp_path):
         extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
     )
     assert read_contents(path).passed_over == ("2 animations", "1 skin", "1 light")
-    # The reader itself warns of the skin.
-    assert unread_parts(path) == ("2 animations", "1 light")
-    with pytest.warns(ReadWarning, match="left out 1 skin"):
-        (warning,) = transform_file(path, tmp_path / "b.glb").warnings
-    assert "written without 2 animations, 1 light" in warning
+    empty = "left out 2 animations that move nothing or are damaged"
+    with pytest.warns(ReadWarning, match=empty):
+        (warning,) = transform_file(path, tmp_path / "b.obj").warnings
+    assert "written without 2 animations, 1 skin, 1 light" in warning
+    with pytest.warns(ReadWarning, match=empty):
+        assert transform_file(path, tmp_path / "b.glb").warnings == ()
+    assert unread_parts(tmp_path / "b.glb") == ("1 light",)  # nothing has the skin
 
 
 def test_fbx_animations_and_skins_are_counted(tmp_path):

@@ -7,6 +7,7 @@ import texbake
 from texbake import Mesh
 from texbake.errors import FileFormatError, MeshError
 from texbake.mesh import mesh as mesh_module
+from texbake.mesh.files import conversion
 from texbake.mesh.mesh import MAX_FACES, check_face_count
 from texbake.mesh.shapes import uv_sphere
 
@@ -32,7 +33,7 @@ def test_a_mesh_checks_its_face_count(monkeypatch):
 def test_every_reader_counts_the_corners_that_it_places(tmp_path, monkeypatch, read):
     path = tmp_path / "ball.glb"
     texbake.write_mesh(uv_sphere(4, 6), path)
-    monkeypatch.setattr(mesh_module, "MAX_CORNERS", 100)
+    monkeypatch.setattr(conversion, "MAX_CORNERS", 100)
     with pytest.raises(FileFormatError, match=r"ball\.glb: it places more .* split it"):
         read(path)
 

@@ -28,6 +28,7 @@ from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.rig import Rig, read_rig
 from texbake.progress import Progress
 from texbake.records import dataclass
 from texbake.texture.model_materials import without_damaged_images
@@ -44,6 +45,7 @@ class MeshFileMaterials:
     materials: Materials | None
     lost: tuple[str, ...] = ()  # what of them could not be read or kept
     passed_over: tuple[str, ...] = ()  # what else is in the file that a mesh has no place for
+    rig: Rig | None = None  # nodes, skins, animations and so on, where its format has them
 
     @classmethod
     def read(cls, path: PathLike, mesh: Mesh) -> MeshFileMaterials:
@@ -54,16 +56,21 @@ class MeshFileMaterials:
                 materials = read_materials(path, mesh)
             except TexbakeError:  # it is damaged
                 materials, lost = None, ("materials",)
-            further = unread_parts(path)
+            further, rig = unread_parts(path), read_rig(path)
         if materials is not None and not any(item.channels for item in materials.materials):
             lost = ("materials",) if materials.missing else ()
             materials = None
-        return cls(path=Path(path), materials=materials, lost=lost, passed_over=further)
+        return cls(path=Path(path), materials=materials, lost=lost, passed_over=further, rig=rig)
 
     def fit(self, output: PathLike, *, mtl: bool) -> bool:
         """Whether there are materials, and a file of the format of `output` holds them."""
         suffixes = (".glb", ".obj") if mtl else (".glb",)
         return self.materials is not None and Path(output).suffix.lower() in suffixes
+
+    def rig_of(self, mesh: Mesh, output: PathLike) -> Rig | None:
+        """Return the rig for a mesh made from that of the file, if its objects and format fit."""
+        is_glb = Path(output).suffix.lower() == ".glb"
+        return self.rig if is_glb and self.rig is not None and self.rig.fits(mesh) else None
 
     def without_images(self) -> MeshFileMaterials:
         """Return the materials with their factors alone, for other texture coordinates."""
@@ -151,11 +158,12 @@ def write_with_materials(
     materials = source.materials
     files = present_paths(output)
     notes: list[str] = []
+    rig = source.rig_of(mesh, output)
     if materials is None:
-        write_mesh(mesh, output)
+        write_mesh(mesh, output, rig=rig)
     elif not source.fit(output, mtl=mtl) or mesh.n_faces != len(materials.face_materials):
         lost.append("materials")
-        write_mesh(mesh, output)
+        write_mesh(mesh, output, rig=rig)
     else:
         materials, damaged = without_damaged_images(_of_uvs(mesh, materials, lost))
         notes += damaged
@@ -164,7 +172,7 @@ def write_with_materials(
 
             materials = gltf_images(_of_colors(mesh, materials, lost))
             notes += materials.notes()
-            write_mesh(mesh, output, materials=materials)
+            write_mesh(mesh, output, materials=materials, rig=rig)
         else:
             from texbake.texture.material_images import mtl_images
 
@@ -174,7 +182,10 @@ def write_with_materials(
     if mesh.uv_sets and Path(output).suffix.lower() not in SUFFIXES_OF_UV_SETS:
         lost.append("further texture coordinates")
     files = (*files, *uv_set_files(mesh, output))
-    lost += source.passed_over
+    if rig is None:
+        lost += source.passed_over
+    elif mesh.deformation is None and rig.bends:
+        lost.append("skins and shape keys")
     notes += triangle_notes(mesh, output)
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")

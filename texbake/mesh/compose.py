@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.mesh.deformation import Deformation, joined_deformations
 from texbake.mesh.mesh import (
     BoolArray,
     Float32Array,
@@ -63,6 +64,8 @@ def excerpt(mesh: Mesh, chosen: BoolArray) -> Mesh:
             changes[values] = rows[used]
     if mesh.colors is not None:
         changes["colors"] = mesh.colors[vertices]
+    if mesh.deformation is not None:
+        changes["deformation"] = mesh.deformation.of(vertices)
     return mesh.replace(**changes)
 
 
@@ -94,6 +97,8 @@ def transformed(mesh: Mesh, matrix: FloatArray) -> Mesh:
         moved = signed_tangents(pm.matmul(flat[:, :3], linear.T), flat[:, 3:], signs)
         changes["tangents"] = moved.reshape(mesh.tangents.shape)[:, order]
     changes["polygon_of"] = mesh.polygon_of
+    if mesh.deformation is not None:
+        changes["deformation"] = mesh.deformation.moved(linear)
     return mesh.replace(**changes)
 
 
@@ -196,6 +201,7 @@ class MeshPart:
     tangents: FloatArray | None  # (n, 4) float64
     colors: Float32Array | None  # (V, 3) or (V, 4) float32; linear
     uv_sets: Mapping[str, UvSet] = field(default_factory=dict)
+    deformation: Deformation | None = None  # of the positions
 
     @property
     def uv_faces(self) -> IntArray:
@@ -252,6 +258,7 @@ def join_parts(
             ]
         )
     fields["uv_sets"] = _joined_uv_sets(parts)
+    fields["deformation"] = _joined_deformation(parts, matrices)
     # A matrix of huge numbers takes finite points to infinity, which `Mesh` refuses.
     with np.errstate(over="ignore", invalid="ignore"):
         if all(part.tangents is not None for part in parts):
@@ -277,6 +284,18 @@ def _joined_uv_sets(parts: Sequence[Part]) -> dict[str, UvSet]:
         faces = offset_joined([(item.faces, len(item.uvs)) for item in items])
         joined[name] = UvSet(np.concatenate([item.uvs for item in items]), faces)
     return joined
+
+
+def _joined_deformation(parts: Sequence[Part], matrices: FloatArray | None) -> Deformation | None:
+    """What moves parts put into one, each moved by its matrix."""
+    found = [part.deformation for part in parts]
+    if matrices is not None:
+        found = [
+            deformation and deformation.moved(matrix[:3, :3])
+            for deformation, matrix in zip(found, matrices, strict=True)
+        ]
+    counts = [len(part.positions) for part in parts]
+    return joined_deformations(list(zip(found, counts, strict=True)))
 
 
 def _joined_groups(

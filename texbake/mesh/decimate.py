@@ -142,6 +142,8 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
     fields: dict[str, Any] = {"positions": mesh.positions[position_ids], "faces": position_faces}
     if mesh.colors is not None:
         fields["colors"] = mesh.colors[position_ids]
+    if mesh.deformation is not None:
+        fields["deformation"] = mesh.deformation.of(position_ids)
     for values, corners_of, ids in (
         ("uvs", "uv_faces", stream.uv_ids),
         ("normals", "normal_faces", stream.normal_ids),

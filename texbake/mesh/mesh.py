@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.errors import FileFormatError, MeshError, UvError, quoted
-from texbake.files import PathLike
+from texbake.errors import MeshError, UvError, quoted
+from texbake.mesh.deformation import Deformation
 from texbake.records import dataclass
 
 BoolArray = npt.NDArray[np.bool_]
@@ -83,6 +83,8 @@ class Mesh:
     group_objects : tuple of int
         Number of the object that each group belongs to; empty where groups are not objects. See
         `texbake.mesh.objects`.
+    deformation : Deformation, optional
+        What moves the vertices: joints and morph targets.
     name : str
         File name, for messages.
 
@@ -106,6 +108,7 @@ class Mesh:
     face_groups: IntArray | None = None
     group_names: tuple[str, ...] = ()
     group_objects: tuple[int, ...] = ()
+    deformation: Deformation | None = None
     name: str = "mesh"
 
     def __post_init__(self) -> None:
@@ -130,6 +133,8 @@ class Mesh:
             _check_indices(groups, len(self.group_names), f"{self.name}: a group index")
         if len(self.group_objects) not in (0, len(self.group_names)):
             raise MeshError(f"{self.name}: group_objects and group_names differ in length")
+        if self.deformation is not None and len(self.deformation) != len(positions):
+            raise MeshError(f"{self.name}: deformation and positions differ in length")
         self._adopt("polygon_of", np.int32, (len(faces),))
         self._number_polygons()
 
@@ -242,13 +247,15 @@ class Mesh:
     def replace(self, **changes: Any) -> Mesh:
         """Return a mesh with some fields changed and the others shared.
 
-        New faces leave out further sets of texture coordinates, and polygons, and new names of
-        groups leave out objects, unless these are given as well.
+        New faces leave out further sets of texture coordinates, and polygons, new positions what
+        moves them, and new names of groups objects, unless these are given as well.
         """
         if changes.get("group_names", self.group_names) != self.group_names:
             changes = {"group_objects": ()} | changes
         if "faces" in changes:
             changes = {"uv_sets": {}, "polygon_of": None} | changes
+        if "positions" in changes:
+            changes = {"deformation": None} | changes
         return replace(self, **changes)
 
     def _adopt(
@@ -362,15 +369,6 @@ def check_face_count(n_faces: int, name: str) -> None:
         raise MeshError(
             f"{name}: it has {n_faces:,} triangles; {MAX_FACES:,} are the most; "
             "split it into several files"
-        )
-
-
-def check_corner_count(n_corners: int, path: PathLike) -> None:
-    """Raise `FileFormatError` before nodes that share meshes make too many corners."""
-    if n_corners > MAX_CORNERS:
-        raise FileFormatError(
-            f"{path}: it places more triangles than 32-bit indices can count; split it into "
-            "several files"
         )
 
 

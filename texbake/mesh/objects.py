@@ -2,7 +2,7 @@
 
 The groups of a mesh are objects, parts of objects, or neither, which only the reader of its file
 can tell; `Mesh.group_objects` says so. docs/reference/formats.md says which objects count as one.
-Vertices at one place belong together if they are of one object.
+Vertices at one place belong together if they are of one object and move alike.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def _face_objects(mesh: Mesh) -> IntArray | None:
 
 def _connected(mesh: Mesh, of_faces: IntArray) -> IntArray:
     """(n, 2) pairs of objects that share a vertex, or whose surfaces continue in one another."""
-    places = weld_rows(mesh.positions)[mesh.faces]
+    places = moving_alike(mesh, weld_rows(mesh.positions))[mesh.faces]
     objects = np.repeat(of_faces[:, None], 3, axis=1)
     shared, found = _seen_otherwise(mesh.faces, objects)
     at_border = np.zeros(mesh.n_vertices, np.bool_)
@@ -104,7 +104,19 @@ def weld_vertices(mesh: Mesh, *, threads: int | None = None) -> IntArray:
     rows = mesh.positions
     if objects is not None:
         rows = np.concatenate([rows, objects[:, None].astype(np.float64)], axis=1)
-    return weld_rows(rows, threads=threads)
+    return moving_alike(mesh, weld_rows(rows, threads=threads))
+
+
+def moving_alike(mesh: Mesh, firsts: IntArray) -> IntArray:
+    """(V,) int32: of the first vertices at the place of each, those that move alike."""
+    again = np.flatnonzero(firsts != np.arange(len(firsts)))
+    if mesh.deformation is None or len(again) == 0:
+        return firsts
+    chosen = np.unique(np.concatenate([again, firsts[again]]))
+    rows = np.concatenate([firsts[chosen, None], mesh.deformation.rows(chosen)], axis=1)
+    apart = firsts.copy()
+    apart[chosen] = chosen[weld_rows(rows)]
+    return apart
 
 
 def joined_objects(mesh: Mesh) -> Mesh:

@@ -21,7 +21,7 @@ from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import BoolArray, Mesh
 from texbake.mesh.normals import degenerate_faces
-from texbake.mesh.objects import joined_objects, vertex_objects
+from texbake.mesh.objects import joined_objects, moving_alike, vertex_objects
 from texbake.mesh.options import RepairOptions
 from texbake.mesh.topology import duplicate_faces, edge_neighbors, wind_alike
 from texbake.mesh.weld import weld_rows
@@ -88,13 +88,15 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
 
 
 def _merged(mesh: Mesh) -> tuple[Mesh, int]:
-    """Join vertices of one position, color and object, and leave out those that no face uses."""
+    """Join vertices of one position, color, object and motion; leave out those without a face."""
     columns = [mesh.positions, mesh.colors, vertex_objects(mesh)]
-    faces = weld_rows(np.column_stack([each for each in columns if each is not None]))[mesh.faces]
+    firsts = weld_rows(np.column_stack([each for each in columns if each is not None]))
+    faces = moving_alike(mesh, firsts)[mesh.faces]
     used, compact = used_rows(faces, mesh.n_vertices)
     colors = None if mesh.colors is None else mesh.colors[used]
     merged = mesh.replace(
         positions=mesh.positions[used],
+        deformation=None if mesh.deformation is None else mesh.deformation.of(used),
         faces=compact,
         colors=colors,
         uv_sets=mesh.uv_sets,

@@ -52,7 +52,7 @@ def transform(mesh: MeshLike, options: TransformOptions | None = None) -> Mesh:
     mesh = as_mesh(mesh)
     options = options or TransformOptions()
     mesh = subdivide(mesh, options.subdivide)
-    matrix = _matrix(options)
+    matrix = transform_matrix(options)
     if not np.array_equal(matrix, np.eye(4)):
         with np.errstate(over="ignore", invalid="ignore"):
             largest = np.abs(matrix[:3, :3]).max() * np.abs(mesh.positions).max()
@@ -64,7 +64,7 @@ def transform(mesh: MeshLike, options: TransformOptions | None = None) -> Mesh:
     return with_normals(mesh, options.normals, angle=options.angle)
 
 
-def _matrix(options: TransformOptions) -> FloatArray:
+def transform_matrix(options: TransformOptions) -> FloatArray:
     """(4, 4) map of all options but `flip`."""
     factor = options.scale * UNITS.get(options.units or "m", 1.0)
     linear = factor * (Y_FROM_Z if options.up == "z" else np.eye(3))

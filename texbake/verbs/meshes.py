@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from texbake.baking.memory import PROCESS
@@ -104,7 +105,7 @@ def transform_file(
     The mesh is scaled and turned upright, then rotated about the origin, then moved.
     """
     from texbake.jobs.mesh_output import MaterialPartition, read_with_materials, write_result
-    from texbake.mesh.transform import transform
+    from texbake.mesh.transform import transform, transform_matrix
 
     read, materials = read_with_materials(mesh, progress)
     if options is not None and options.subdivide:
@@ -112,6 +113,9 @@ def transform_file(
         moved, materials = borders.restored(transform(borders.mesh, options), read)
     else:
         moved = transform(read, options)
+    if options is not None and materials.rig is not None:
+        rig = materials.rig.transformed(transform_matrix(options))
+        materials = replace(materials, rig=rig)
     return write_result(moved, output, materials, moved, mtl=mtl)
 
 

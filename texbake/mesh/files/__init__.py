@@ -35,7 +35,7 @@ _FORMATS = {
     ".glb": _Format(
         ("gltf", "read_gltf"),
         ("gltf_write", "write_glb"),
-        (*_MATERIAL, "materials", "levels", "coverages", "compress", "quantize"),
+        (*_MATERIAL, "materials", "levels", "coverages", "compress", "quantize", "rig"),
     ),
     ".gltf": _Format(("gltf", "read_gltf")),
     ".fbx": _Format(("fbx", "read_fbx")),
@@ -111,8 +111,8 @@ def write_mesh(mesh: MeshLike, path: PathLike, **options: Any) -> None:
         keeps.
     **options
         For GLB and USD: `normal_map`, `base_color`, `orm` and `emissive`, the images of the
-        material, and its `name`. For GLB also `materials`, `levels`, `coverages`, `compress` and
-        `quantize`; see `texbake.mesh.files.gltf_write.write_glb`. An option that is None
+        material, and its `name`. For GLB also `materials`, `levels`, `coverages`, `compress`,
+        `quantize` and `rig`; see `texbake.mesh.files.gltf_write.write_glb`. An option that is None
         counts as not given.
 
     Raises

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import MeshError, OptionError, UvError, warn_of
+from texbake.errors import FileFormatError, MeshError, OptionError, UvError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import MAX_CORNERS, BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.metadata import CONVENTION, SIGNATURE, SPACE, from_description, png_description
 
@@ -36,7 +36,18 @@ _REPLACED = {
     "normals": ("normals", "computed ones replace them"),
     "uvs": ("texture coordinates", "(0, 0) replaces them"),
     "colors": ("vertex colors", "white replaces them"),
+    "weights": ("weights of joints", "0 replaces them"),
+    "morphs": ("displacements of shape keys", "0 replaces them"),
 }
+
+
+def check_corner_count(n_corners: int, path: PathLike) -> None:
+    """Raise `FileFormatError` before nodes that share meshes make too many corners."""
+    if n_corners > MAX_CORNERS:
+        raise FileFormatError(
+            f"{path}: it places more triangles than 32-bit indices can count; split it into "
+            "several files"
+        )
 
 
 def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArray[Any]:

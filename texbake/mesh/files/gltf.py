@@ -5,8 +5,8 @@ of a node, so that a mesh that two nodes place is there twice. `gltf_primitives`
 of vertices.
 
 Skinned meshes come in the pose they are stored in, without their node's transform, and morph
-targets at rest. Where only some primitives have texture coordinates or normals, the others get
-zeros.
+targets at rest; `Mesh.deformation` has what moves them. Where only some primitives have texture
+coordinates or normals, the others get zeros.
 
 Files of CAD programs have 100,000 nodes and more, so that numbers are checked and matrices made for
 all nodes at once, and multiplied level by level.
@@ -28,20 +28,24 @@ from texbake.errors import FileFormatError, MeshError, quoted
 from texbake.files import PathLike
 from texbake.limits import most_triangles
 from texbake.mesh.compose import MeshPart, join_parts
+from texbake.mesh.deformation import Deformation
+from texbake.mesh.files.conversion import check_corner_count
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import (
     INDICES,
     TRIANGLES,
     PrimitiveRequest,
     further_sets,
+    motion_count,
     read_primitives,
     triangle_count,
 )
 from texbake.mesh.files.source import short_name, without_cycle_search
-from texbake.mesh.files.unread_parts import warn_of_pose
-from texbake.mesh.mesh import FloatArray, Int64Array, Mesh, check_corner_count, require_few_sets
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh, require_few_sets
+from texbake.mesh.rig import moving_ancestors
 from texbake.records import dataclass
 
+_MOVES = ("translation", "rotation", "scale")
 MAX_TRIANGLES = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
 
@@ -57,7 +61,6 @@ def read_gltf(path: PathLike) -> Mesh:
         parts = _read_parts(placed)
     if not parts:
         raise MeshError(f"{path}: it has no faces; a mesh needs at least one triangle")
-    warn_of_pose(placed.document)
     pieces, names, nodes = zip(*parts, strict=True)
     require_few_sets(len({name for piece in pieces for name in piece.uv_sets}), Path(path).name)
     matrices = placed.mesh_matrices(placed.matrices())[list(nodes)]
@@ -80,10 +83,11 @@ def _read_parts(placed: SceneNodes) -> list[tuple[MeshPart, str, int]]:
             keys[node["mesh"]].append(key)
             if key not in requests:
                 further = further_sets(document, primitive)
-                requests[key] = PrimitiveRequest(primitive, further=tuple(further))
+                requests[key] = PrimitiveRequest(primitive, further=tuple(further), deforms=True)
     pieces = dict(zip(requests, read_primitives(document, list(requests.values())), strict=True))
     parts = []
     n_corners = 0
+    motions = _NodeMotions(placed)
     for i, node in enumerate(placed.nodes):
         if "mesh" not in node:
             continue
@@ -102,8 +106,57 @@ def _read_parts(placed: SceneNodes) -> list[tuple[MeshPart, str, int]]:
                 names = _uv_set_names(mesh, requests[key].further)
                 sets = {set_name: piece.uv_sets[name] for set_name, name in names.items()}
                 piece = replace(piece, uv_sets=sets)
+            piece = replace(piece, deformation=motions.of_node(i, piece))
             parts.append((piece, name + ending, i))
     return parts
+
+
+class _NodeMotions:
+    """What moves the vertices of nodes: the joints of a skin, or a node that an animation moves."""
+
+    def __init__(self, placed: SceneNodes) -> None:
+        self.placed, document = placed, placed.document
+        self._places = {index: place for place, index in enumerate(placed.indices)}
+        self._skins: dict[int, IntArray] = {}
+        moving = {
+            self._places.get(int(node), -1)
+            for animation in document.items("animations")
+            for channel in document.objects(animation, "channels")
+            if (target := document.mapping(channel, "target")).get("path") in _MOVES
+            and isinstance(node := target.get("node"), int)
+        }
+        nodes = [i for i, node in enumerate(placed.nodes) if "mesh" in node] if moving else []
+        self._movers = moving_ancestors(nodes, placed.parents.tolist(), moving)
+
+    def of_node(self, place: int, piece: MeshPart) -> Deformation | None:
+        """Deformation of the vertices of a piece of a node."""
+        node, n, given = self.placed.nodes[place], len(piece.positions), piece.deformation
+        morphs = () if given is None else given.morphs
+        joints, weights = np.zeros((n, 1), np.int32), np.zeros((n, 1))
+        if "skin" in node:
+            table = self._joints(node["skin"])
+            if given is not None and given.is_bound and table is not None:
+                if given.joints.min() < 0 or given.joints.max() >= len(table):
+                    self.placed.document.fail("a vertex has a joint that its skin has not")
+                joints, weights = table[given.joints], given.weights
+        elif place in self._movers:
+            joints, weights = joints + np.int32(self._movers[place]), weights + 1.0
+        if not morphs and not weights.any():
+            return None
+        return Deformation(joints, weights, morphs)
+
+    def _joints(self, index: Any) -> IntArray | None:
+        """(n,) int32: nodes of the joints of a skin; None if one is not in the scene."""
+        document = self.placed.document
+        skins = document.items("skins")
+        if type(index) is not int or not 0 <= index < len(skins):
+            return None
+        if index not in self._skins:
+            joints = indices(document, skins[index], "joints")
+            places = [self._places.get(joint, -1) for joint in joints]
+            self._skins[index] = np.array(places, np.int32)
+        table = self._skins[index]
+        return table if len(table) and table.min() >= 0 else None
 
 
 def _array_key(document: Document, primitive: dict[str, Any]) -> Any:
@@ -111,7 +164,7 @@ def _array_key(document: Document, primitive: dict[str, Any]) -> Any:
     attributes = document.mapping(primitive, "attributes")
     numbers = [primitive.get("mode", TRIANGLES), primitive.get(INDICES, -1)]
     numbers += attributes.values()
-    if "extensions" in primitive or set(map(type, numbers)) != {int}:
+    if {"extensions", "targets"} & primitive.keys() or set(map(type, numbers)) != {int}:
         return id(primitive)
     return (*attributes, *numbers)
 
@@ -134,6 +187,7 @@ class SceneNodes:
 
     document: Document
     nodes: list[dict[str, Any]]  # the objects of the file
+    indices: list[int]  # and their places in it
     # (n,) int64; place of each node's parent in the list; -1 for a root.
     parents: Int64Array
     levels: Int64Array  # (n,) int64; how many nodes stand above each
@@ -168,8 +222,8 @@ def check_instance_count(placed: SceneNodes) -> None:
     """Raise `FileFormatError` if a file repeats its triangles too often.
 
     Nodes can share a mesh, and primitives an accessor, so a small file can ask for more triangles
-    than fit into memory. Three vertices count as a triangle, and each further UV set once more.
-    This reads no triangle.
+    than fit into memory. Three vertices count as a triangle, and each further UV set, set of
+    joints and morph target once more. This reads no triangle.
     """
     document = placed.document
     counts: dict[int, int] = {}
@@ -186,6 +240,7 @@ def check_instance_count(placed: SceneNodes) -> None:
                     position = document.mapping(primitive, "attributes")["POSITION"]
                     n_vertices = document.integer(document.item("accessors", position), "count", 0)
                     n_sets = 1 + len(further_sets(document, primitive))
+                    n_sets += motion_count(document, primitive)
                     counts[index] += max(n_triangles, n_vertices // 3) * n_sets
         n_placed += counts[index]
     # A triangle takes more than a byte, unless it is there several times.
@@ -204,8 +259,9 @@ def scene_nodes(document: Document) -> SceneNodes:
     if not nodes:
         meshes: list[dict[str, Any]] = [{"mesh": i} for i in range(len(document.items("meshes")))]
         n = len(meshes)
-        return SceneNodes(document, meshes, np.full(n, -1), np.zeros(n, np.int64))
+        return SceneNodes(document, meshes, list(range(n)), np.full(n, -1), np.zeros(n, np.int64))
     found: list[dict[str, Any]] = []
+    numbers: list[int] = []
     parents: list[int] = []
     levels: list[int] = []
     pending = [(root, -1, 0) for root in reversed(_roots(document, nodes))]
@@ -219,29 +275,31 @@ def scene_nodes(document: Document) -> SceneNodes:
             document.fail(f"nodes[{index}] stands twice in the scene")
         seen[index] = 1
         if "children" in node:
-            children = _indices(document, node, "children")
+            children = indices(document, node, "children")
             pending += [(child, len(found), level + 1) for child in reversed(children)]
         found.append(node)
+        numbers.append(index)
         parents.append(parent)
         levels.append(level)
-    return SceneNodes(document, found, np.array(parents, np.int64), np.array(levels, np.int64))
+    return SceneNodes(
+        document, found, numbers, np.array(parents, np.int64), np.array(levels, np.int64)
+    )
 
 
 def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:
     """Indices of the nodes at the top: of the scene, else of the first, else of the whole file."""
     if document.items("scenes"):
-        return _indices(
-            document, document.item("scenes", document.content.get("scene", 0)), "nodes"
-        )
-    children = {child for node in nodes for child in _indices(document, node, "children")}
+        return indices(document, document.item("scenes", document.content.get("scene", 0)), "nodes")
+    children = {child for node in nodes for child in indices(document, node, "children")}
     return [i for i in range(len(nodes)) if i not in children]
 
 
-def _indices(document: Document, owner: dict[str, Any], key: str) -> list[int]:
-    indices = owner.get(key, [])
-    if not isinstance(indices, list) or not set(map(type, indices)) <= {int, bool}:
+def indices(document: Document, owner: dict[str, Any], key: str) -> list[int]:
+    """A list of indices that an object holds; empty where there is none."""
+    found = owner.get(key, [])
+    if not isinstance(found, list) or not set(map(type, found)) <= {int, bool}:
         document.fail(f"{quoted(key)} is not a list of indices")
-    return indices
+    return found
 
 
 def _local_matrices(document: Document, nodes: list[dict[str, Any]]) -> FloatArray:

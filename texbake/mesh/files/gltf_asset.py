@@ -3,11 +3,6 @@
 With `compress` every view of vertices and indices is coded by `gltf_compression`. As the extension
 demands, a reader without it is then pointed to a second buffer, which has no bytes.
 
-glTF reads roughness from the green and metallic from the blue of one image, alpha from the image of
-the base color. Other formats have an image for each channel; `texbake.texture.material_images` puts
-these where glTF reads them. A channel without an image whose texture has one keeps its factor: the
-image is taken to be 1 there, as that module makes it.
-
 Based on: Khronos Group, "glTF 2.0 Specification", version 2.0.1, 2021.
 """
 
@@ -16,18 +11,16 @@ from __future__ import annotations
 import json
 import os
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake import __version__
-from texbake.core import portable_math as pm
-from texbake.errors import FileFormatError, OptionError
+from texbake.errors import FileFormatError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files import gltf_document as gltf
-from texbake.mesh.files.channels import EMISSIVE_STRENGTH, FILE_CHANNELS, SLOTS, Slot
 from texbake.mesh.files.conversion import (
     as_text,
     check_normal_map,
@@ -42,24 +35,18 @@ from texbake.mesh.files.gltf_compression import (
     encode_triangles,
     encode_vertices,
 )
-from texbake.mesh.materials import (
-    CHANNELS,
-    UNPLACED,
-    ChannelImage,
-    Materials,
-    MeshMaterial,
-    Placing,
-    is_sheared,
-)
-from texbake.mesh.mesh import FloatArray, Int64Array
+from texbake.mesh.mesh import Int64Array
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
 _COMPONENTS = {dtype.name: code for code, dtype in gltf.COMPONENTS.items()}
+_MOST_SPARSE = 0.6  # share of displacements that are not zero, with an index each
 _NEAREST_MIPS, _TRILINEAR = 9984, 9987
 _WRAPS = {name: code for code, name in gltf.WRAPS.items()}
 # Images that glTF itself does not name, by the extensions that do.
 _IMAGE_EXTENSIONS = {"image/webp": "EXT_texture_webp", "image/ktx2": "KHR_texture_basisu"}
-_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+# Columns of integers that are not fractions.
+_WHOLE = ("POSITION", "JOINTS")
 
 
 class GltfAsset:
@@ -124,7 +111,12 @@ class GltfAsset:
     ) -> dict[str, Any]:
         """Add the arrays of a primitive, with (3 F,) indices, and return it."""
         attributes = {
-            attribute: self._add_accessor(values, _VERTICES, bounded=attribute == "POSITION")
+            attribute: self._add_accessor(
+                values,
+                _VERTICES,
+                bounded=attribute == "POSITION",
+                is_whole=attribute.partition("_")[0] in _WHOLE,
+            )
             for attribute, values in columns.items()
         }
         # The greatest index of a type restarts a primitive, so 65535 vertices fit 16 bits.
@@ -134,6 +126,41 @@ class GltfAsset:
             "indices": self._add_accessor(indices.astype(index_type).reshape(-1, 1), _INDICES),
             "material": material,
         }
+
+    def add_morph(self, columns: dict[str, npt.NDArray[Any]]) -> dict[str, int]:
+        """Add displacements (n, 3) by a morph target, as few rows as are not zero."""
+        return {name: self._add_displacements(name, rows) for name, rows in columns.items()}
+
+    def _add_displacements(self, name: str, rows: npt.NDArray[Any]) -> int:
+        bounded = name == "POSITION"
+        moved = np.flatnonzero(rows.any(axis=1))
+        if len(moved) > _MOST_SPARSE * len(rows):
+            return self._add_accessor(rows, _VERTICES, bounded=bounded)
+        moved = moved if len(moved) else np.zeros(1, np.intp)
+        numbers = moved.astype(np.uint16 if len(rows) <= 65535 else np.uint32)
+        component = _COMPONENTS[numbers.dtype.name]
+        sparse = {
+            "count": len(moved),
+            "indices": {
+                "bufferView": self._add_view(numbers.tobytes()), "componentType": component,
+            },
+            "values": {"bufferView": self._add_view(rows[moved].tobytes())},
+        }  # fmt: skip
+        return self._add_accessor(rows, _VERTICES, bounded=bounded, sparse=sparse)
+
+    def add_array(self, rows: npt.NDArray[Any], *, bounded: bool = False) -> int:
+        """Add the rows of an array that are no vertices, as they are."""
+        view = self._add_view(np.ascontiguousarray(rows).tobytes())
+        return self._add_accessor(rows, 0, bounded=bounded, bufferView=view)
+
+    def adopt(self, content: dict[str, Any]) -> None:
+        """Put lists of the file, such as nodes and scenes, in place of its own."""
+        self._json |= content
+
+    def meshes_with_targets(self) -> set[int]:
+        """Return the meshes that have morph targets."""
+        meshes = enumerate(self._json["meshes"])
+        return {i for i, mesh in meshes if any("targets" in each for each in mesh["primitives"])}
 
     def add_node(self, name: str, **fields: Any) -> int:
         """Add a node that is in no scene yet, and return its index."""
@@ -181,15 +208,23 @@ class GltfAsset:
         if extension not in required:
             required.append(extension)
 
-    def _add_accessor(self, values: npt.NDArray[Any], target: int, *, bounded: bool = False) -> int:
+    def _add_accessor(
+        self,
+        values: npt.NDArray[Any],
+        target: int,
+        *,
+        bounded: bool = False,
+        is_whole: bool = False,
+        **source: Any,
+    ) -> int:
         """Add the rows of an array, and return the index of the accessor that reads them."""
         accessor: dict[str, Any] = {
-            "bufferView": self._add_rows(values, target),
+            **(source or {"bufferView": self._add_rows(values, target)}),
             "componentType": _COMPONENTS[values.dtype.name],
             "count": len(values),
             "type": _TYPES[values.shape[1]],
         }
-        if target == _VERTICES and values.dtype.kind in "iu" and not bounded:
+        if target == _VERTICES and values.dtype.kind in "iu" and not is_whole:
             accessor["normalized"] = True
         if bounded:
             accessor["min"] = values.min(axis=0).tolist()
@@ -271,123 +306,3 @@ class GltfAsset:
         if item not in items:
             items.append(item)
         return items.index(item)
-
-
-_TRANSFORM = "KHR_texture_transform"
-
-
-def uv_numbers(materials: Materials) -> dict[int, int]:
-    """Numbers that the file gives to sets of texture coordinates: 0, 1, 2 without a gap."""
-    used = materials.image_uv_sets | {0}
-    return {uv_set: number for number, uv_set in enumerate(sorted(used))}
-
-
-def add_material(
-    asset: GltfAsset,
-    material: MeshMaterial,
-    numbers: Mapping[int, int],
-    uv_matrices: Mapping[int, FloatArray],
-) -> int:
-    """Add a material with its textures, and return its index."""
-    extensions: dict[str, Any] = {}
-    content: dict[str, Any] = {"name": as_text(material.name), "pbrMetallicRoughness": {}}
-    for slot in SLOTS:
-        is_extension = slot.channels[0].is_extension
-        if is_extension and not any(where.name in material.channels for where in slot.channels):
-            continue
-        owner = content
-        if slot.owner:
-            owner = (extensions if is_extension else content).setdefault(slot.owner, {})
-        if not slot.holds(material):
-            raise OptionError(
-                f"{material.name}: glTF has no place for the image of its "
-                f"{' and '.join(where.name for where, _ in slot.sources(material))}; "
-                "rearrange it with texbake.gltf_images"
-            )
-        image = slot.image(material)
-        if image is not None:
-            owner[slot.texture] = _texture_info(asset, material, slot, image, numbers, uv_matrices)
-    _add_factors(content, extensions, material)
-    if material.alpha_mode != "opaque":
-        content["alphaMode"] = material.alpha_mode.upper()
-    if material.alpha_mode == "mask":
-        content["alphaCutoff"] = material.alpha_cutoff
-    if material.is_double_sided:
-        content["doubleSided"] = True
-    if material.is_unlit:
-        extensions["KHR_materials_unlit"] = {}
-    if extensions:
-        content["extensions"] = extensions
-        for extension in extensions:
-            asset.use(extension)
-    return asset.append_material(content)
-
-
-def _add_factors(
-    content: dict[str, Any], extensions: dict[str, Any], material: MeshMaterial
-) -> None:
-    """Set the factors that differ from those that glTF assumes."""
-    for where in FILE_CHANNELS.values():
-        owners = extensions if where.is_extension else content
-        if not where.factor or (where.is_extension and where.owner not in extensions):
-            continue
-        owner = owners[where.owner] if where.owner else content
-        source = material.channels.get(where.name)
-        factor = CHANNELS[where.name].default if source is None else source.factor
-        if where.name == "alpha" and material.alpha_mode == "opaque":
-            factor = (1.0,)
-        if where.name == "emissive" and max(factor) > 1.0:
-            extensions[EMISSIVE_STRENGTH] = {"emissiveStrength": max(factor)}
-            factor = tuple(value / max(factor) for value in factor)
-        if CHANNELS[where.name].is_bounded:
-            factor = tuple(min(max(value, 0.0), 1.0) for value in factor)
-        if len(where.defaults) == 1:
-            if factor != where.defaults:
-                owner[where.factor] = factor[0]
-            continue
-        values = list(owner.get(where.factor, where.defaults))
-        for component, value in zip(where.factor_components, factor, strict=True):
-            values[component] = value
-        if tuple(values) != where.defaults:
-            owner[where.factor] = values
-
-
-def _texture_info(
-    asset: GltfAsset,
-    material: MeshMaterial,
-    slot: Slot,
-    image: ChannelImage,
-    numbers: Mapping[int, int],
-    uv_matrices: Mapping[int, FloatArray],
-) -> dict[str, Any]:
-    texture = asset.add_texture(image.data, wraps=image.wraps, is_nearest=image.is_nearest)
-    info: dict[str, Any] = {"index": texture}
-    if numbers[image.uv_set]:
-        info["texCoord"] = numbers[image.uv_set]
-    for where, source in slot.sources(material):
-        if where.name == "normal" and source.factor[0] != 1.0:
-            info["scale"] = source.factor[0]
-        if where.name == "occlusion" and source.factor[0] != 1.0:
-            info["strength"] = source.factor[0]
-    if image.placing != UNPLACED or image.uv_set in uv_matrices:
-        asset.use(_TRANSFORM)
-        stored = uv_matrices.get(image.uv_set, np.eye(3))
-        info["extensions"] = {_TRANSFORM: _transform(material, image.placing, stored)}
-    return info
-
-
-def _transform(material: MeshMaterial, placing: Placing, stored: FloatArray) -> dict[str, Any]:
-    """KHR_texture_transform object of a matrix for coordinates with v up, after another one."""
-    matrix = pm.matmul(
-        pm.matmul(pm.matmul(gltf.FLIP, np.array([*placing, (0.0, 0.0, 1.0)])), gltf.FLIP), stored
-    )
-    (a, b, x), (c, d, y), _ = matrix.tolist()
-    # [a b; c d] = [cos sin; -sin cos] diag(scale)
-    angle = pm.arctan2(-c, a) if (a, c) != (0.0, 0.0) else pm.arctan2(b, d)
-    if is_sheared(((a, b, x), (c, d, y))):
-        raise OptionError(f"{material.name}: an image is sheared, which glTF cannot do")
-    cos, sin = pm.cos(angle), pm.sin(angle)
-    found: dict[str, Any] = {"offset": [x, y], "scale": [a * cos - c * sin, b * sin + d * cos]}
-    if angle:
-        found["rotation"] = angle
-    return found

@@ -173,6 +173,12 @@ class Quantization:
         """Fields of a node that take codes of positions to the scene."""
         return {"translation": self.positions.corner.tolist(), "scale": [self.positions.step] * 3}
 
+    def matrix(self) -> FloatArray:
+        """(4, 4) float64: matrix that takes codes of positions to the scene."""
+        matrix: FloatArray = np.diag([self.positions.step] * 3 + [1.0])
+        matrix[:3, 3] = self.positions.corner
+        return matrix
+
     def uvs(self, uv_set: int, turned: FloatArray) -> npt.NDArray[Any]:
         """Codes of texture coordinates, v down; floats of a set that stays as it is."""
         grid = self.uv_grids.get(uv_set, _UNIT_SQUARE)

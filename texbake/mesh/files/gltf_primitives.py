@@ -19,10 +19,11 @@ import numpy.typing as npt
 from texbake.child import LIMITS
 from texbake.errors import MeshError, quoted, require_library, warn_of
 from texbake.mesh.compose import MeshPart
+from texbake.mesh.deformation import Deformation, Morph, largest_weights
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
-from texbake.mesh.mesh import FloatArray, IntArray, UvSet, require_few_sets
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, UvSet, require_few_sets
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
@@ -31,8 +32,12 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 INDICES = "indices"
 _UVS = "TEXCOORD"
 _UV_SET = re.compile("TEXCOORD_(0|[1-9][0-9]{0,8})")
-_FIELDS = {"NORMAL": "normals", _UVS: "uvs", "COLOR": "colors"}
+_FIELDS = {
+    "NORMAL": "normals", _UVS: "uvs", "COLOR": "colors", "WEIGHTS": "weights", "TARGET": "morphs",
+}  # fmt: skip
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
+_BINDING = re.compile("(?:JOINTS|WEIGHTS)_[0-7]")  # 32 joints a vertex
+_MOTIONS = ("JOINTS", "WEIGHTS", "TARGET")
 _ROWS_AT_ONCE = 1 << 18  # of joined primitives; more rows take more memory and time
 # Draco packs the triangles of a flat grid 11 to a byte, and takes 80 bytes to decode each: 16 times
 # what other files may take.
@@ -45,6 +50,7 @@ class PrimitiveRequest(NamedTuple):
     primitive: dict[str, Any]
     uv_set: int = 0
     further: tuple[int, ...] = ()
+    deforms: bool = False  # whether joints and morph targets are read
 
 
 class _Arrays(NamedTuple):
@@ -63,7 +69,7 @@ def read_primitives(
     for i, (request, arrays) in enumerate(zip(requests, found, strict=True)):
         if arrays is not None:
             widths = tuple((name, rows.shape[1]) for name, rows in arrays.attributes.items())
-            alike.setdefault((widths, request.uv_set, request.further), []).append(i)
+            alike.setdefault((widths, *request[1:]), []).append(i)
     meshes: list[MeshPart | None] = [None] * len(requests)
     for places in alike.values():
         sizes = [len(arrays.corners) for i in places if (arrays := found[i]) is not None]
@@ -91,9 +97,55 @@ def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | Non
     for name in source.accessors:
         if name != "POSITION" and (name in _WIDTHS or name in uvs):
             arrays[name] = source.read(name, _WIDTHS.get(name, (2,)), n)
+    if request.deforms:
+        arrays |= _motions(source, n)
     # Draco has made triangles of a strip.
     corners = _triangles(source.indices(n), TRIANGLES if source.decoded else mode)
     return _Arrays(arrays, corners) if len(corners) else None
+
+
+def _motions(source: _PrimitiveSource, n: int) -> dict[str, npt.NDArray[Any]]:
+    """Arrays of joints, weights and morph targets, `TARGET_0` and so on, of n vertices."""
+    arrays = {}
+    for name in filter(_BINDING.fullmatch, source.accessors):
+        kind, _, number = name.partition("_")
+        if f"{'WEIGHTS' if kind == 'JOINTS' else 'JOINTS'}_{number}" in source.accessors:
+            arrays[name] = source.read(name, (4,), n)
+    for i, accessor in enumerate(source.targets):
+        name = f"TARGET_{i}"
+        arrays[name] = np.zeros((n, 3))
+        if accessor is not None:
+            moved = source.document.accessor(accessor)
+            if moved.shape != (n, 3):
+                source.document.fail(f"a morph target is not {n} displacements")
+            arrays[name] = moved
+    return arrays
+
+
+def _deformation(values: dict[str, npt.NDArray[Any]], kept: BoolArray) -> Deformation | None:
+    """What moves the kept vertices; joints by their places in a skin."""
+    columns = {
+        kind: [rows[kept] for name, rows in sorted(values.items()) if name.startswith(f"{kind}_")]
+        for kind in _MOTIONS
+    }
+    if not any(columns.values()):
+        return None
+    n = int(np.count_nonzero(kept))
+    joints = np.concatenate([np.zeros((n, 0)), *columns["JOINTS"]], axis=1).astype(np.int32)
+    weights = np.concatenate([np.zeros((n, 0)), *columns["WEIGHTS"]], axis=1)
+    joints, weights = largest_weights(joints, np.maximum(weights, 0.0), joints.shape[1])
+    numbers = sorted(int(name[7:]) for name in values if name.startswith("TARGET_"))
+    morphs = (Morph.of_rows(values[f"TARGET_{number}"][kept]) for number in numbers)
+    return Deformation(joints, weights, tuple(morphs))
+
+
+def _motions_of_parts(
+    values: dict[str, npt.NDArray[Any]], kept: BoolArray, bounds: IntArray
+) -> list[Deformation | None]:
+    """What moves the kept vertices of each part of a batch."""
+    motion = _deformation(values, kept)
+    parts = pairwise(bounds.tolist())
+    return [motion and motion.of(np.arange(start, stop)) for start, stop in parts]
 
 
 def _weld(
@@ -118,6 +170,7 @@ def _weld(
     keys = [values["POSITION"]]
     if keeps_colors and "COLOR_0" in values:
         keys.append(values["COLOR_0"])
+    keys += [rows for name, rows in values.items() if name.partition("_")[0] in _MOTIONS]
     if len(batch) > 1:  # vertices of different primitives stay apart
         keys.append(np.repeat(np.arange(len(batch), dtype=np.float64), np.diff(bounds))[:, None])
     firsts = weld_rows(np.concatenate(keys, axis=1) if len(keys) > 1 else keys[0])
@@ -147,11 +200,13 @@ def _weld(
         ),
     }
     names = [f"{_UVS}_{number}" for number in request.further]
+    motions = _motions_of_parts(values, is_kept, kept_bounds)
     further = {name: pieces(flip_v(values[name]), bounds) for name in names if name in values}
     return [
         MeshPart(
             **{name: parts[i] for name, parts in columns.items()},
             uv_sets={name: UvSet(rows[i], columns["corners"][i]) for name, rows in further.items()},
+            deformation=motions[i],
         )
         for i in range(len(batch))
     ]
@@ -160,6 +215,12 @@ def _weld(
 def _bounds(counts: list[int]) -> IntArray:
     """(n + 1,) where each of some runs of rows begins, and where the last ends."""
     return np.cumsum([0, *counts], dtype=np.int32)
+
+
+def motion_count(document: Document, primitive: dict[str, Any]) -> int:
+    """Number of arrays of joints and morph targets of a primitive."""
+    bindings = filter(_BINDING.fullmatch, document.mapping(primitive, "attributes"))
+    return len(list(bindings)) + len(document.objects(primitive, "targets"))
 
 
 def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
@@ -203,6 +264,7 @@ class _PrimitiveSource:
     document: Document
     accessors: dict[str, Any]  # accessor of each
     decoded: dict[str, npt.NDArray[Any]]  # those that a compressed primitive holds in their place
+    targets: list[Any]  # accessors of the positions of morph targets; None for one without
 
     def read(self, name: str, widths: tuple[int, ...], count: int | None) -> npt.NDArray[Any]:
         """(count, width) values of an attribute."""
@@ -239,12 +301,13 @@ def _primitive_source(
     document: Document, primitive: dict[str, Any], attributes: dict[str, Any]
 ) -> _PrimitiveSource:
     accessors = dict(attributes)
+    targets = [item.get("POSITION") for item in document.objects(primitive, "targets")]
     if INDICES in primitive:
         accessors[INDICES] = primitive[INDICES]
     draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)
     # A file may hold the same arrays uncompressed, for programs that do not read Draco.
     if not draco or "bufferView" in document.item("accessors", attributes["POSITION"]):
-        return _PrimitiveSource(document, accessors, {})
+        return _PrimitiveSource(document, accessors, {}, targets)
     decoded = document.draco.get(document.integer(draco, "bufferView"))
     if decoded is None:
         document.fail("a primitive compressed by Draco is damaged")
@@ -254,7 +317,7 @@ def _primitive_source(
         if type(number) is not int or number not in rows:
             document.fail(f"a primitive compressed by Draco has no attribute {quoted(number)}")
         arrays[name] = rows[number]
-    return _PrimitiveSource(document, {INDICES: None, **accessors}, arrays)
+    return _PrimitiveSource(document, {INDICES: None, **accessors}, arrays, targets)
 
 
 def decode_draco(path: str) -> dict[int, DracoMesh | None]:

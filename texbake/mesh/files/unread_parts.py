@@ -35,15 +35,15 @@ def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
     if not isinstance(source, str | os.PathLike):
         return _named(_counts(source))
     suffix = Path(source).suffix.lower()
-    counts: Mapping[str, int] = {}
     if suffix in (".gltf", ".glb"):
         from texbake.mesh.files.gltf_document import read_document
 
-        counts = _counts(read_document(source))
-    elif suffix == ".fbx":
-        from texbake.mesh.files.fbx_scene import read_scene
+        return _named(_counts(read_document(source)))
+    if suffix != ".fbx":
+        return ()
+    from texbake.mesh.files.fbx_scene import read_scene
 
-        counts = _counts(read_scene(source))
+    counts = _counts(read_scene(source))
     return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
 
 

@@ -20,10 +20,11 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts
+from texbake.mesh.files.conversion import check_corner_count
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import warn_of_cages
 from texbake.mesh.files.usd_stage import meters_per_unit, open_stage, reporting_damage
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, Mesh, UvSet, check_corner_count
+from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, Mesh, UvSet
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners
 from texbake.records import dataclass

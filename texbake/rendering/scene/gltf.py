@@ -22,13 +22,14 @@ from texbake.errors import FileError, MeshError, OptionError, first_few, quoted,
 from texbake.files import PathLike, is_file
 from texbake.limits import file_beside
 from texbake.mesh.compose import MeshPart
+from texbake.mesh.files.conversion import check_corner_count
 from texbake.mesh.files.gltf import SceneNodes, check_instance_count, scene_nodes
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_materials import material_index
 from texbake.mesh.files.gltf_primitives import PrimitiveRequest, read_primitives
 from texbake.mesh.files.source import short_name
 from texbake.mesh.files.unread_parts import warn_of_pose
-from texbake.mesh.mesh import FloatArray, Mesh, UvSet, check_corner_count
+from texbake.mesh.mesh import FloatArray, Mesh, UvSet
 from texbake.mesh.normals import with_flat_normals
 from texbake.progress import Progress, Stages
 from texbake.rendering.scene.gltf_materials import MaterialReader, SceneMaterial, set_name

@@ -1,0 +1,146 @@
+"""What moves the vertices of a mesh: nodes that they are bound to, and morph targets.
+
+Nodes are those of `texbake.mesh.rig`, by their numbers: the joints of a skin, or the one node that
+carries a rigid part. So two parts may be joined at vertices that move alike, whatever their skins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.records import dataclass
+
+_Floats = npt.NDArray[np.float64]
+_Ints = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Morph:
+    """Displacements of one morph target; those of all other vertices are zero."""
+
+    vertices: _Ints  # (n,) int32; rising
+    displacements: _Floats  # (n, 3) float64; in the space of the mesh's positions
+
+    @classmethod
+    def of_rows(cls, rows: _Floats) -> Morph:
+        """Morph target of (V, 3) displacements."""
+        moved = np.flatnonzero(rows.any(axis=1))
+        return cls(moved.astype(np.int32), rows[moved])
+
+    def rows(self, n_vertices: int) -> _Floats:
+        """(V, 3) float64: displacements of all vertices."""
+        rows = np.zeros((n_vertices, 3))
+        rows[self.vertices] = self.displacements
+        return rows
+
+
+@dataclass(frozen=True, eq=False)
+class Deformation:
+    """What moves the vertices of a mesh.
+
+    Attributes
+    ----------
+    joints : (V, K) int32
+        Nodes that move each vertex.
+    weights : (V, K) float64
+        How much each of them does: they sum to 1, or are all 0 for a vertex that no node moves.
+    morphs : tuple of Morph
+        Morph targets, numbered as in each object of the mesh.
+    """
+
+    joints: _Ints
+    weights: _Floats
+    morphs: tuple[Morph, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether a node moves any vertex."""
+        return bool(self.weights.any())
+
+    def of(self, vertices: npt.NDArray[np.intp] | _Ints) -> Deformation:
+        """Return that of some vertices, in their order; a vertex may be there several times."""
+        morphs = (Morph.of_rows(morph.rows(len(self))[vertices]) for morph in self.morphs)
+        return Deformation(self.joints[vertices], self.weights[vertices], tuple(morphs))
+
+    def mixed(self, vertices: npt.NDArray[np.intp] | _Ints, shares: _Floats) -> Deformation:
+        """(n,) vertices that are (n, S) shares of (n, S) others; they keep K joints at most."""
+        n, width = len(vertices), self.joints.shape[1]
+        morphs = []
+        for morph in self.morphs:
+            rows = morph.rows(len(self))
+            morphs.append(Morph.of_rows(pm.vecmat(shares, rows[vertices])))
+        joints = self.joints[vertices].reshape(n, -1)
+        weights = (self.weights[vertices] * shares[:, :, None]).reshape(n, -1)
+        return Deformation(*largest_weights(joints, weights, width), tuple(morphs))
+
+    def moved(self, linear: _Floats) -> Deformation:
+        """Return that of a mesh moved by an affine map, whose (3, 3) linear part is given."""
+        morphs = (
+            Morph(morph.vertices, pm.matmul(morph.displacements, linear.T)) for morph in self.morphs
+        )
+        return Deformation(self.joints, self.weights, tuple(morphs))
+
+    def rows(self, vertices: npt.NDArray[np.intp] | _Ints) -> _Floats:
+        """(n, W) float64: all numbers of some vertices, to compare them."""
+        moves = (morph.rows(len(self))[vertices] for morph in self.morphs)
+        bound = self.weights[vertices] > 0.0
+        joints = np.where(bound, self.joints[vertices], -1)
+        return np.concatenate([joints, self.weights[vertices], *moves], axis=1, dtype=np.float64)
+
+
+def largest_weights(joints: _Ints, weights: _Floats, width: int) -> tuple[_Ints, _Floats]:
+    """(n, width) joints, each once, of (n, m), and their weights: the largest, with the sum 1.
+
+    Where no weight is above 0, all joints and weights are 0.
+    """
+    n = len(joints)
+    order = np.argsort(joints, axis=1, kind="stable")
+    joints = np.take_along_axis(joints, order, axis=1)
+    weights = np.take_along_axis(weights, order, axis=1)
+    is_first = np.ones(joints.shape, np.bool_)
+    is_first[:, 1:] = joints[:, 1:] != joints[:, :-1]
+    # A number for each run of equal joints in a row; numbers of rows follow one another.
+    runs = np.cumsum(is_first, axis=None).reshape(joints.shape) - 1
+    sums = np.zeros(joints.shape)
+    sums[is_first] = np.bincount(runs.ravel(), weights.ravel())
+    order = np.argsort(-sums, axis=1, kind="stable")[:, :width]
+    joints = np.take_along_axis(joints, order, axis=1)
+    sums = np.take_along_axis(sums, order, axis=1)
+    totals = np.zeros((n, 1))
+    for column in sums.T:  # in order, whatever the processor
+        totals[:, 0] += column
+    sums = np.divide(sums, totals, out=np.zeros_like(sums), where=totals > 0.0)
+    return np.where(sums > 0.0, joints, 0).astype(np.int32), sums
+
+
+def joined_deformations(parts: Sequence[tuple[Deformation | None, int]]) -> Deformation | None:
+    """Put those of parts into one, each with its number of vertices; None where none has any."""
+    found = [part for part, _ in parts if part is not None]
+    if not found:
+        return None
+    n = sum(length for _, length in parts)
+    width = max(part.joints.shape[1] for part in found)
+    joints, weights = np.zeros((n, width), np.int32), np.zeros((n, width))
+    vertices: list[list[_Ints]] = [[] for _ in range(max(len(part.morphs) for part in found))]
+    moves: list[list[_Floats]] = [[] for _ in vertices]
+    start = 0
+    for part, length in parts:
+        if part is not None:
+            joints[start : start + length, : part.joints.shape[1]] = part.joints
+            weights[start : start + length, : part.joints.shape[1]] = part.weights
+            for i, morph in enumerate(part.morphs):
+                vertices[i].append(morph.vertices + np.int32(start))
+                moves[i].append(morph.displacements)
+        start += length
+    morphs = (
+        Morph(np.concatenate(rows), np.concatenate(steps))
+        for rows, steps in zip(vertices, moves, strict=True)
+    )
+    return Deformation(joints, weights, tuple(morphs))

@@ -1,0 +1,121 @@
+"""What moves a mesh and stands beside it in its file: nodes, skins, animations, cameras, lights.
+
+A `Mesh` is one list of triangles where its file has nodes with meshes. A `Rig` says which node each
+object of the mesh came from and where that stands, so that a writer can put the triangles back.
+All else is glTF's own JSON: texbake carries it through and looks only at what it needs. Readers of
+other formats make that JSON of what their files have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import field, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.files import PathLike
+from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.records import dataclass
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigObject:
+    """An object of a mesh: where it hangs."""
+
+    node: int  # number of its node
+    matrix: FloatArray  # (4, 4) float64; of the mesh of the node to the positions of `Mesh`
+    fields: Mapping[str, Any] = field(default_factory=dict)  # glTF's fields of its mesh
+    n_morphs: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rig:
+    """The nodes of a file and what refers to them.
+
+    `content` has glTF's lists `nodes` (without meshes), `scenes`, `skins`, `animations` and
+    `cameras`, and the extensions of lights and variants. Its accessors are numbers of `arrays`.
+    """
+
+    content: Mapping[str, Any]
+    arrays: Mapping[int, npt.NDArray[np.float32]] = field(default_factory=dict)  # each (n, width)
+    objects: Mapping[int, RigObject]  # by the numbers of `Mesh.group_objects`
+    has_morph_normals: bool = False
+
+    @property
+    def nodes(self) -> list[dict[str, Any]]:
+        """JSON of the nodes."""
+        return self.content["nodes"]  # type: ignore[no-any-return]
+
+    @property
+    def moving_nodes(self) -> set[int]:
+        """Nodes that an animation moves."""
+        channels = (
+            channel["target"]
+            for animation in self.content.get("animations", ())
+            for channel in animation["channels"]
+        )
+        return {target["node"] for target in channels if target["path"] != "weights"}
+
+    @property
+    def bends(self) -> bool:
+        """Whether objects have skins or morph targets."""
+        items = self.objects.values()
+        return any(item.n_morphs or "skin" in self.nodes[item.node] for item in items)
+
+    def object_of(self, group: int, mesh: Mesh) -> RigObject | None:
+        """Return where a group of a mesh hangs; None where its objects were joined."""
+        if mesh.group_objects:
+            return self.objects.get(mesh.group_objects[group])
+        return next(iter(self.objects.values())) if len(self.objects) == 1 else None
+
+    def fits(self, mesh: Mesh) -> bool:
+        """Whether each group of a mesh has a place in it."""
+        groups = range(len(mesh.group_names)) if mesh.face_groups is not None else [0]
+        return all(self.object_of(group, mesh) is not None for group in groups)
+
+    def transformed(self, matrix: FloatArray) -> Rig:
+        """Return that of a mesh whose positions were moved by a (4, 4) matrix."""
+        if (matrix == np.eye(4)).all():
+            return self
+        number = len(self.nodes)
+        scenes = [dict(scene) for scene in self.content["scenes"]]
+        first = scenes[self.content.get("scene", 0)]
+        root = {
+            "name": "transform", "matrix": matrix.T.ravel().tolist(),
+            "children": first.get("nodes", []),
+        }  # fmt: skip
+        first["nodes"] = [number]
+        objects = {
+            key: replace(item, matrix=pm.matmul(matrix, item.matrix))
+            for key, item in self.objects.items()
+        }
+        content = {**self.content, "nodes": [*self.nodes, root], "scenes": scenes}
+        return replace(self, content=content, objects=objects)
+
+
+def read_rig(path: PathLike) -> Rig | None:
+    """Read the rig of a file; None for formats without one."""
+    if Path(path).suffix.lower() not in (".glb", ".gltf"):
+        return None
+    module = import_module("texbake.mesh.files.gltf_rig")  # which imports this one
+    found: Rig = module.read_gltf_rig(path)
+    return found
+
+
+def moving_ancestors(
+    places: Iterable[int], parents: Sequence[int], moving: set[int]
+) -> dict[int, int]:
+    """Nearest moving node of each node, itself or above; those without one are left out."""
+    known: dict[int, int] = {}
+    for place in places:
+        at = place
+        while at >= 0 and at not in moving:
+            at = parents[at]
+        if at >= 0:
+            known[place] = at
+    return known
