@@ -15,7 +15,8 @@ def laid(mesh, most_l2, *, length=np.inf, area=np.inf):
     lengths = step_lengths(mesh.positions, mesh.faces, opposite)
     total_area = float(surface_areas(mesh.positions[mesh.faces]).sum())
     limits = ChartLimits(l2=most_l2, length=length, area=area, total_area=total_area)
-    pieces, left = disk_charts(mesh.positions, mesh.faces, lengths, [part], limits=limits)
+    weights = np.ones((mesh.n_faces, 3))
+    pieces, left = disk_charts(mesh.positions, mesh.faces, lengths, weights, [part], limits=limits)
     return [charts for _, charts in pieces], len(left)
 
 

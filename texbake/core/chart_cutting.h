@@ -39,6 +39,7 @@ struct cutting {
     const double (*points)[3];
     const int32_t (*corners)[3];
     const double (*lengths)[3]; /* negative within a polygon */
+    const double (*weights)[3]; /* of seams along each side */
     double (*normals)[3]; /* without noise; of unit length, or 0 */
     double *areas;
     struct chart_limits limits;
@@ -93,6 +94,9 @@ struct part *divide_layout(const struct cutting *cutting, const struct part *par
 
 /* part_division.c: divide a part in pieces, along creases, or in halves, and flatten each. */
 void divide(const struct cutting *cutting, struct part *part);
+
+/* Lead the borders between labels of the faces of a part anew, by the weights of edges. */
+void straighten(const struct cutting *cutting, const struct part *part, int32_t *labels);
 
 /* Find the first face in the polygon of each face of a part. */
 void find_polygons(const struct cutting *cutting, const struct part *part, int32_t *firsts);

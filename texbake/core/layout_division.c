@@ -56,9 +56,10 @@ bool packs_well(const struct cutting *cutting, const struct part *part)
 }
 
 /* Label the connected pieces on both sides of a line through the middle of the area; return how many
-   there are. */
+   there are. The border between them is led anew if it is final. */
 static int32_t label_sides(
-    const struct cutting *cutting, const struct part *part, double angle, int32_t *labels)
+    const struct cutting *cutting, const struct part *part, double angle, bool is_final,
+    int32_t *labels)
 {
     struct arena *arena = cutting->arena;
     const arena_mark mark = mark_arena(arena);
@@ -70,7 +71,6 @@ static int32_t label_sides(
             const double *uv = part->uvs[part->faces[face][corner]];
             keys[face].at += portable_cos(angle) * uv[0] + portable_sin(angle) * uv[1];
         }
-        labels[face] = face;
     }
     qsort(keys, (size_t)part->n_faces, sizeof *keys, compare_keys);
     double sum = 0.0;
@@ -83,7 +83,13 @@ static int32_t label_sides(
     int32_t *firsts = TAKE(arena, int32_t, part->n_faces);
     find_polygons(cutting, part, firsts);
     for (int64_t face = 0; face < part->n_faces; face++)
-        is_beyond[face] = is_beyond[firsts[face]];
+        labels[face] = is_beyond[firsts[face]];
+    if (is_final)
+        straighten(cutting, part, labels);
+    for (int64_t face = 0; face < part->n_faces; face++) {
+        is_beyond[face] = labels[face];
+        labels[face] = (int32_t)face;
+    }
     for (int32_t corner = 0; corner < 3 * part->n_faces; corner++) {
         const int32_t across = part->opposite[corner];
         if (across >= 0 && is_beyond[across / 3] == is_beyond[corner / 3])
@@ -95,11 +101,12 @@ static int32_t label_sides(
 
 /* Divide a part along a line, and measure the parts; they keep its layout. */
 static struct part *divide_along(
-    const struct cutting *cutting, const struct part *part, double angle, int64_t *n_parts)
+    const struct cutting *cutting, const struct part *part, double angle, bool is_final,
+    int64_t *n_parts)
 {
     struct arena *arena = cutting->arena;
     int32_t *labels = TAKE(arena, int32_t, part->n_faces);
-    const int32_t n_labels = label_sides(cutting, part, angle, labels);
+    const int32_t n_labels = label_sides(cutting, part, angle, is_final, labels);
     struct part *parts = split(arena, part, labels, n_labels);
     int64_t *n_met = TAKE_ZEROS(arena, int64_t, n_labels);
     for (int32_t label = 0; label < n_labels; label++) {
@@ -143,7 +150,7 @@ struct part *divide_layout(const struct cutting *cutting, const struct part *par
     double least = INFINITY, best = 0.0;
     for (int line = 0; line < N_LINES && part->n_faces > 1; line++) {
         const arena_mark mark = mark_arena(arena);
-        const struct part *parts = divide_along(cutting, part, PI * line / N_LINES, n_parts);
+        const struct part *parts = divide_along(cutting, part, PI * line / N_LINES, false, n_parts);
         double cost = COST_OF_PART * cutting->limits.most_area * (double)*n_parts;
         for (int64_t i = 0; i < *n_parts; i++)
             cost += parts[i].hull_area;
@@ -155,7 +162,7 @@ struct part *divide_layout(const struct cutting *cutting, const struct part *par
     }
     if (!isfinite(least))
         return NULL;
-    struct part *parts = divide_along(cutting, part, best, n_parts);
+    struct part *parts = divide_along(cutting, part, best, true, n_parts);
     for (int64_t i = 0; i < *n_parts; i++) {
         const double (*places)[3] = (const double (*)[3])place_vertices(cutting, &parts[i]);
         lay_out_from(cutting, &parts[i], places, true, FULL_EFFORT);

@@ -8,6 +8,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "border_straightening.h"
 #include "chart_cutting.h"
 #include "core.h"
 #include "numbers.h"
@@ -34,6 +35,9 @@ static const double SLIVER_DEPTHS = 8.0;
 /* Halves are of similar size: the larger one of a division that counts has at most this share. So
    no part is divided more often than MOST_LEVELS of chart_cutting.c. */
 static const double LARGEST_HALF = 0.9;
+
+/* Rings of faces in the band in which a border moves, for each of its edges. */
+static const double BAND_WIDTH = 0.25;
 
 /* Label the connected pieces of a part; return how many there are. */
 static int32_t label_pieces(const struct part *part, int32_t *labels)
@@ -275,6 +279,22 @@ struct part *split(
     return parts;
 }
 
+void straighten(const struct cutting *cutting, const struct part *part, int32_t *labels)
+{
+    struct arena *arena = cutting->arena;
+    const arena_mark mark = mark_arena(arena);
+    int32_t (*corners)[3] = take(arena, part->n_faces, sizeof *corners);
+    double (*weights)[3] = take(arena, part->n_faces, sizeof *weights);
+    for (int64_t face = 0; face < part->n_faces; face++) {
+        memcpy(corners[face], cutting->corners[part->face_ids[face]], sizeof *corners);
+        memcpy(weights[face], cutting->weights[part->face_ids[face]], sizeof *weights);
+    }
+    const struct weighted_surface surface = {part->n_faces, cutting->points,
+        (const int32_t (*)[3])corners, part->opposite, (const double (*)[3])weights};
+    straighten_labels(arena, &surface, BAND_WIDTH, labels);
+    reset_arena(arena, mark);
+}
+
 void divide(const struct cutting *cutting, struct part *part)
 {
     if (part->halves || part->n_faces < 2)
@@ -288,6 +308,7 @@ void divide(const struct cutting *cutting, struct part *part)
     if (n_labels == 0)
         n_labels = label_halves(cutting, part, labels);
     n_labels = keep_polygons(cutting, part, labels, n_labels);
+    straighten(cutting, part, labels);
     reset_arena(arena, mark);
     part->halves = split(arena, part, labels, n_labels);
     part->n_halves = n_labels;

@@ -10,6 +10,7 @@
 #include "chart_cutting.h"
 #include "core.h"
 #include "numbers.h"
+#include "step_heap.h"
 #include "union_find.h"
 
 /* A cut leads to another loop of the boundary only if that is at least this share of the longest
@@ -85,47 +86,6 @@ static struct graph make_graph(
     return graph;
 }
 
-/* A binary heap of vertices by their distances, the least first. */
-struct heap {
-    int64_t n;
-    struct step {
-        double distance;
-        int32_t vertex;
-    } *steps;
-};
-
-static inline bool comes_before(struct step a, struct step b)
-{
-    return a.distance < b.distance || (a.distance == b.distance && a.vertex < b.vertex);
-}
-
-static void push(struct heap *heap, struct step step)
-{
-    int64_t at = heap->n++;
-    while (at > 0 && comes_before(step, heap->steps[(at - 1) / 2])) {
-        heap->steps[at] = heap->steps[(at - 1) / 2];
-        at = (at - 1) / 2;
-    }
-    heap->steps[at] = step;
-}
-
-static struct step pop(struct heap *heap)
-{
-    const struct step first = heap->steps[0], last = heap->steps[--heap->n];
-    int64_t at = 0;
-    while (2 * at + 1 < heap->n) {
-        int64_t child = 2 * at + 1;
-        if (child + 1 < heap->n && comes_before(heap->steps[child + 1], heap->steps[child]))
-            child++;
-        if (!comes_before(heap->steps[child], last))
-            break;
-        heap->steps[at] = heap->steps[child];
-        at = child;
-    }
-    heap->steps[at] = last;
-    return first;
-}
-
 /* Cut the shortest way from loop `from` to loop `to`; return whether there is one. */
 static bool cut_between(
     const struct cutting *cutting, struct part *part, const struct graph *graph, int32_t from,
@@ -134,7 +94,8 @@ static bool cut_between(
     struct arena *arena = cutting->arena;
     double *distances = TAKE(arena, double, graph->n);
     int32_t *came_by = TAKE(arena, int32_t, graph->n); /* half-edge towards each vertex */
-    struct heap heap = {0, TAKE(arena, struct step, 3 * part->n_faces + graph->n)};
+    const int64_t room = 3 * part->n_faces + graph->n;
+    struct heap heap = {0, room, TAKE(arena, struct step, room)};
     for (int32_t vertex = 0; vertex < graph->n; vertex++) {
         distances[vertex] = INFINITY;
         came_by[vertex] = -1;
@@ -145,10 +106,10 @@ static bool cut_between(
     }
     while (heap.n > 0) {
         const struct step step = pop(&heap);
-        if (step.distance > distances[step.vertex])
+        if (step.cost > distances[step.item])
             continue;
-        if (graph->loops[step.vertex] == to) {
-            for (int32_t at = step.vertex; came_by[at] >= 0;) {
+        if (graph->loops[step.item] == to) {
+            for (int32_t at = step.item; came_by[at] >= 0;) {
                 const int32_t edge = came_by[at];
                 at = tail(part, edge);
                 part->opposite[part->opposite[edge]] = -1;
@@ -156,11 +117,11 @@ static bool cut_between(
             }
             return true;
         }
-        for (int32_t i = graph->starts[step.vertex]; i < graph->starts[step.vertex + 1]; i++) {
+        for (int32_t i = graph->starts[step.item]; i < graph->starts[step.item + 1]; i++) {
             const int32_t edge = graph->half_edges[i], next = head(part, edge);
-            const double length = distance(graph->places[step.vertex], graph->places[next]);
+            const double length = distance(graph->places[step.item], graph->places[next]);
             const double far =
-                step.distance + (is_in_polygon(cutting, part, edge) ? DETOUR : 1.0) * length;
+                step.cost + (is_in_polygon(cutting, part, edge) ? DETOUR : 1.0) * length;
             if (part->opposite[edge] >= 0 && far < distances[next]) {
                 distances[next] = far;
                 came_by[next] = edge;

@@ -20,9 +20,11 @@ from texbake.mapping.atlas.charts import (
 )
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.cutting.marked import marked_charts
+from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
+from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
@@ -201,17 +203,20 @@ def _connected_charts(
         with stages.stage("flatten between seams"):
             charts = marked_charts(mesh, surface, options)
         return _bounded(surface, charts, options, stages)
+    with stages.stage("weigh edges"):
+        weights = edge_weights(surface)
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         charts = cut_charts(
             mesh,
             surface,
+            weights=weights,
             quality=options.quality,
             method=options.charts,
             timeout=options.timeout,
             advance=advance,
         )
     if options.quality != "fast":
-        charts = _improved(mesh, surface, charts, options, stages)
+        charts = _improved(mesh, surface, charts, options, stages, weights)
     return _bounded(surface, charts, options, stages)
 
 
@@ -226,9 +231,14 @@ def _bounded(
 
 
 def _improved(
-    mesh: Mesh, surface: ChartSurface, charts: Charts, options: UnwrapOptions, stages: Stages
+    mesh: Mesh,
+    surface: ChartSurface,
+    charts: Charts,
+    options: UnwrapOptions,
+    stages: Stages,
+    weights: FloatArray,
 ) -> Charts:
-    """Relax charts, and join them as far as the stretch of the mesh allows."""
+    """Relax charts, join them as far as the stretch of the mesh allows, and straighten borders."""
     as_cut = _stretch(surface.points, mesh, charts)
     with stages.stage("relax charts"):
         charts = relax_charts(surface, charts)
@@ -236,7 +246,7 @@ def _improved(
     if options.quality == "good":
         allowed = min(1.0 + _GOOD_ROOM * (as_cut - 1.0), _GOOD_STRETCH)
     with stages.stage("join charts"):
-        return join_charts(
+        charts = join_charts(
             surface,
             charts,
             most_l2=allowed,
@@ -244,6 +254,10 @@ def _improved(
             most_length=_JOINED_SIDES,
             most_work=_JOIN_WORK[options.quality],
         )
+    if options.charts != "texbake":
+        return charts
+    with stages.stage("straighten borders"):
+        return straighten_charts(surface, charts, weights)
 
 
 def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:

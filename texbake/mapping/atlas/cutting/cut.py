@@ -25,6 +25,7 @@ from texbake.mapping.atlas.cutting.parts import (
 )
 from texbake.mapping.atlas.cutting.repair import GRID_CELLS
 from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_charts
+from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.stretch import longest_squares
 from texbake.mesh.frame import UnitGrid
@@ -93,12 +94,18 @@ def cut_charts(
     mesh: Mesh,
     surface: ChartSurface,
     *,
+    weights: FloatArray | None = None,
     quality: str = "good",
     method: str = "texbake",
     timeout: float | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> Charts:
-    """Cut a surface into charts and flatten them; `timeout`: seconds of xatlas per batch."""
+    """Cut a surface into charts and flatten them.
+
+    `weights`: (F, 3) costs of seams along edges, those of `edge_weights`; `timeout`: seconds of
+    xatlas per batch.
+    """
+    weights = edge_weights(surface) if weights is None else weights
     # On the grid of the points they may have one, depending on where the grid lies.
     if degenerate_faces(mesh).all():
         raise UnwrapError(_why_nothing(mesh))
@@ -118,11 +125,12 @@ def cut_charts(
         area = float(surface_areas(points[corners[solid]]).sum())
         if surface.seams is None:
             opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
-        labels = _labels(points, corners, opposite, mesh.polygon_of, sizes)
+        labels = _labels(points, corners, opposite, mesh.polygon_of, sizes, weights)
         pieces, left = disk_charts(
             points,
             corners,
             step_lengths(points, corners, opposite, mesh.polygon_of),
+            weights,
             split_parts(opposite, np.where(solid, labels, -1)),
             limits=ChartLimits(
                 l2=sizes.most_l2,
@@ -163,6 +171,7 @@ def _labels(
     opposite: IntArray,
     polygons: IntArray | None,
     quality: _Quality,
+    weights: FloatArray,
 ) -> IntArray:
     """(F,) int32: the part or batch in which each face is cut."""
     labels = divide_parts(
@@ -173,6 +182,7 @@ def _labels(
         part_faces=quality.part_faces,
         whole_faces=quality.whole_faces,
         polygons=polygons,
+        weights=weights,
     )
     sizes = np.bincount(labels)
     small = sizes < _BATCH_FACES

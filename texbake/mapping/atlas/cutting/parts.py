@@ -27,6 +27,9 @@ from texbake.records import dataclass
 # Rounds of averaging normals over neighbors beforehand, so that noise makes no creases.
 _SMOOTHINGS = 1
 
+# Rings of faces in the band in which a border moves, for each of its edges.
+BAND_WIDTH = 0.25
+
 # A step within a polygon: less than any other, as `core/chart_cutting.h` has it.
 _WITHIN_POLYGON = -1e-300
 
@@ -52,6 +55,7 @@ def divide_parts(
     part_faces: int,
     whole_faces: int,
     polygons: IntArray | None = None,
+    weights: FloatArray | None = None,
 ) -> IntArray:
     """(F,) connected parts, new ones last, once those above `whole_faces` are divided."""
     large = (np.bincount(parts) > whole_faces)[parts]
@@ -62,8 +66,11 @@ def divide_parts(
     core.divide_into_parts(
         neighbors, step_lengths(points, faces, opposite, polygons), parts, part_faces, labels
     )
-    _, numbers = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
-    return numbers.astype(np.int32)
+    _, ranks = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
+    numbers: IntArray = ranks.astype(np.int32)
+    if weights is not None:
+        core.straighten_borders(points, faces, opposite, weights, BAND_WIDTH, numbers)
+    return numbers
 
 
 def step_lengths(
@@ -177,6 +184,7 @@ def disk_charts(
     points: FloatArray,
     corners: IntArray,
     lengths: FloatArray,
+    weights: FloatArray,
     parts: Sequence[Part],
     *,
     limits: ChartLimits,
@@ -189,7 +197,7 @@ def disk_charts(
 
     def lay(first: int, last: int) -> None:
         for number in order[first:last]:
-            laid[number] = _cut(points, corners, lengths, parts[number], limits)
+            laid[number] = _cut(points, corners, lengths, weights, parts[number], limits)
 
     report = faces_done([len(parts[number].face_ids) for number in order], advance)
     run_bands(lay, len(parts), band=1, threads=threads, advance=report)
@@ -232,7 +240,12 @@ class _Laid:
 
 
 def _cut(
-    points: FloatArray, corners: IntArray, lengths: FloatArray, part: Part, limits: ChartLimits
+    points: FloatArray,
+    corners: IntArray,
+    lengths: FloatArray,
+    weights: FloatArray,
+    part: Part,
+    limits: ChartLimits,
 ) -> _Laid:
     """Flatten a part, divided if necessary. Kernel: `core/chart_cutting.c`."""
     ids = part.face_ids
@@ -241,8 +254,8 @@ def _cut(
     uvs = np.empty((3 * len(ids), 2))
     n_vertices = np.empty(1, dtype=np.int64)
     n_charts = core.cut_charts(
-        points, corners[ids], part.opposite, lengths[ids], limits.l2, limits.length,
-        limits.area, limits.total_area, OVERLAP_DEPTH,
+        points, corners[ids], part.opposite, lengths[ids], weights[ids], limits.l2,
+        limits.length, limits.area, limits.total_area, OVERLAP_DEPTH,
         labels, faces, uvs, n_vertices,
     )  # fmt: skip
     laid = labels >= 0

@@ -120,12 +120,12 @@ def pieces_of(surface: ChartSurface, charts: Charts, opposite: IntArray) -> list
         same[next_half_edges(half_edges)] == same[across]
     )
     face_ids = np.flatnonzero(charts.solid).astype(np.int32)
-    return _connected(
+    return connected_pieces(
         face_ids,
         points[mesh_faces[face_ids]],
         charts.uvs[charts.faces[face_ids]],
-        _within(face_ids, half_edges[glued]),
-        _within(face_ids, across[glued]),
+        within(face_ids, half_edges[glued]),
+        within(face_ids, across[glued]),
     )
 
 
@@ -135,7 +135,7 @@ def parts_of(
     """Cut a piece between faces of different `sides` (m,); coordinates do not change."""
     local, across = _inner_half_edges(piece, opposite)
     kept = sides[local // 3] == sides[across // 3]
-    return _connected(
+    return connected_pieces(
         piece.face_ids,
         piece.points[piece.faces],
         piece.uvs[piece.faces],
@@ -147,10 +147,10 @@ def parts_of(
 def _inner_half_edges(piece: ChartPiece, opposite: IntArray) -> tuple[IntArray, IntArray]:
     """Half-edges between faces of a piece, and their opposites, numbered within the piece."""
     is_inner = np.ones(3 * len(piece.face_ids), dtype=bool)
-    is_inner[_within(piece.face_ids, piece.border)] = False
+    is_inner[within(piece.face_ids, piece.border)] = False
     across = opposite[(3 * piece.face_ids[:, None] + np.arange(3, dtype=np.int32)).ravel()]
     local = np.flatnonzero(is_inner & (across >= 0)).astype(np.int32)
-    return local, _within(piece.face_ids, across[local])
+    return local, within(piece.face_ids, across[local])
 
 
 def charts_of(pieces: Sequence[ChartPiece], charts: Charts) -> Charts:
@@ -173,13 +173,13 @@ def charts_of(pieces: Sequence[ChartPiece], charts: Charts) -> Charts:
     )
 
 
-def _within(face_ids: IntArray, half_edges: IntArray) -> IntArray:
+def within(face_ids: IntArray, half_edges: IntArray) -> IntArray:
     """Half-edges of the mesh, renumbered among its faces `face_ids`, which contain them all."""
     places = 3 * np.searchsorted(face_ids, half_edges // 3) + half_edges % 3
     return np.asarray(places, dtype=np.int32)
 
 
-def _connected(
+def connected_pieces(
     face_ids: IntArray,
     corners: FloatArray,
     corner_uvs: FloatArray,

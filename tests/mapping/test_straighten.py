@@ -1,0 +1,102 @@
+import numpy as np
+import pytest
+
+from texbake.core import core
+from texbake.mapping.atlas.charts import single_face_charts
+from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
+from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.joining.join import join_charts
+from texbake.mapping.atlas.joining.straighten import straighten_charts
+from texbake.mapping.overlap import find_overlaps
+from texbake.mapping.seams import seam_edges, seam_length
+from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.topology import opposite_half_edges
+
+
+def border_of(mesh, labels):
+    """Length of the border between labels, and the middles of its edges."""
+    opposite = opposite_half_edges(mesh.faces)
+    edges = np.flatnonzero(opposite >= 0)
+    edges = edges[labels[edges // 3] < labels[opposite[edges] // 3]]
+    ends = (
+        mesh.positions[mesh.faces.ravel()[edges]],
+        mesh.positions[np.roll(mesh.faces, -1, axis=1).ravel()[edges]],
+    )
+    return float(np.linalg.norm(ends[1] - ends[0], axis=1).sum()), (ends[0] + ends[1]) / 2.0
+
+
+def straightened(mesh, labels, weights=None, width=1.0):
+    weights = np.ones((mesh.n_faces, 3)) if weights is None else weights
+    labels = labels.astype(np.int32)
+    core.straighten_borders(
+        mesh.positions, mesh.faces, opposite_half_edges(mesh.faces), weights, width, labels
+    )
+    return labels
+
+
+def centers(mesh):
+    return mesh.positions[mesh.faces].mean(axis=1)
+
+
+def test_a_sawtooth_becomes_a_line():
+    mesh = plane(24, 24)
+    x, y = centers(mesh)[:, :2].T
+    labels = x + 0.12 * np.sin(20.0 * y) > 0.5
+    assert border_of(mesh, labels)[0] > 2.4
+    # The ends stay, one step apart.
+    assert border_of(mesh, straightened(mesh, labels))[0] == pytest.approx(1.0 + 1.0 / 24.0)
+
+
+def test_a_closed_border_becomes_shorter_and_stays_closed():
+    mesh = plane(24, 24)
+    x, y = (centers(mesh)[:, :2] - 0.5).T
+    labels = np.hypot(x, y) < 0.25 + 0.06 * np.sin(12.0 * np.arctan2(y, x))
+    now = straightened(mesh, labels, width=0.2)
+    assert border_of(mesh, now)[0] < 0.85 * border_of(mesh, labels)[0]
+    assert np.count_nonzero(now) > 0.3 * np.count_nonzero(labels)
+
+
+def test_a_border_follows_cheap_edges_and_keeps_off_forbidden_ones():
+    mesh = plane(24, 24)
+    x = centers(mesh)[:, 0]
+    corners = mesh.positions[mesh.faces]
+    middles = (corners + np.roll(corners, -1, axis=1)) / 2.0
+    weights = np.where(np.abs(middles[..., 0] - 14 / 24) < 1e-9, 0.2, 1.0)
+    _, places = border_of(mesh, straightened(mesh, x > 0.5, weights))
+    assert np.mean(np.abs(places[:, 0] - 14 / 24) < 1e-9) > 0.7
+    weights = np.where(np.abs(middles[..., 1] - 0.5) < 0.1, np.inf, 1.0)
+    forbidden = straightened(mesh, x > 0.5, weights)
+    assert np.array_equal(forbidden, x > 0.5)  # there is no other way across
+
+
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+def test_charts_with_straight_borders_do_not_overlap(quality):
+    mesh = icosphere(5)
+    surface = surface_of(mesh)
+    charts = cut_charts(mesh, surface, quality=quality, weights=np.ones((mesh.n_faces, 3)))
+    now = straighten_charts(surface, charts, edge_weights(surface))
+    before, after = (mesh.replace(uvs=each.uvs, uv_faces=each.faces) for each in (charts, now))
+    assert now.n_charts == charts.n_charts
+    assert seam_length(after) <= seam_length(before)
+    apart = now.uvs + 4.0 * np.stack([now.chart_ids, now.chart_ids], axis=1)
+    assert not find_overlaps(apart[now.faces]).overlapping.any()
+
+
+def test_hard_edges_are_cheap_and_diagonals_of_polygons_are_not_cut():
+    mesh = cube()
+    mesh = mesh.replace(polygon_of=(np.arange(mesh.n_faces) // 2).astype(np.int32))
+    weights = edge_weights(surface_of(mesh))
+    diagonals = np.isinf(weights)
+    assert np.count_nonzero(diagonals) == mesh.n_faces
+    assert (weights[~diagonals] < 0.5).all()
+    flat = edge_weights(surface_of(plane(4, 4)))
+    assert (flat[np.isfinite(flat)] == 1.0).all()
+
+
+def test_charts_that_cannot_improve_stay():
+    mesh = cube()
+    surface = surface_of(mesh)
+    charts = join_charts(surface, single_face_charts(surface.points, mesh.faces), most_l2=1.001)
+    now = straighten_charts(surface, charts, edge_weights(surface))
+    cuts = (seam_edges(mesh.replace(uvs=each.uvs, uv_faces=each.faces)) for each in (charts, now))
+    assert np.array_equal(*cuts)
