@@ -126,8 +126,8 @@ static void run_meshes(void)
     for (int i = 0; i < N_VERTICES; i++)
         rows[i] = i;
     collapse_edges(
-        N_VERTICES, N_VERTICES, N_FACES, N_VERTICES, 0, rows, kept, left, rows, uvs, NULL, NULL, 500,
-        true, false);
+        N_VERTICES, N_VERTICES, N_FACES, N_VERTICES, 0, 0, rows, kept, left, rows, uvs, NULL, NULL,
+        NULL, 500, true, false);
     REPORT("collapse_edges", kept);
     REPORT("its faces", left);
 }

@@ -6,11 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.character import character, posed
 from tests.glb import read_glb
 from texbake.errors import OptionError, ReadWarning, heard_warnings
 from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import LightenOptions, RunOptions
 from texbake.mesh.compose import join_meshes
+from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import (
@@ -21,6 +23,7 @@ from texbake.mesh.materials import (
     MeshMaterial,
     read_materials,
 )
+from texbake.mesh.rig import read_rig
 from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import decode_image, write_image
 from texbake.verbs.whole_jobs import lighten_file, run_files
@@ -270,3 +273,19 @@ def test_pictures_of_both_are_compared(model, tmp_path):
     assert figures["worst_db"] > 25.0
     with pytest.raises(OptionError, match="one view or more"):
         lighten_file(model, tmp_path / "light.glb", OPTIONS, html=page)
+
+
+def test_a_lightened_character_moves_as_before(tmp_path):
+    mesh, rig = character()
+    write_glb(mesh, tmp_path / "a.glb", rig=rig)
+    options = replace(OPTIONS, n_faces=mesh.n_faces // 3)
+    lighten_file(tmp_path / "a.glb", tmp_path / "b.glb", options)
+    before, after = read_mesh(tmp_path / "a.glb"), read_mesh(tmp_path / "b.glb")
+    assert after.uvs is not None and after.n_faces <= mesh.n_faces // 3
+    kept, given = read_rig(tmp_path / "b.glb"), read_rig(tmp_path / "a.glb")
+    assert [node["name"] for node in kept.nodes] == [node["name"] for node in given.nodes]
+    assert kept.content["cameras"] == given.content["cameras"]
+    assert len(kept.content["animations"][0]["channels"]) == 3
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        shapes = [m.replace(positions=posed(m, None, share)) for m in (before, after)]
+        assert surface_distance(*shapes).max < 0.03

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,11 +10,15 @@ import pytest
 from tests.character import BODY, WHEEL, character, posed
 from texbake.mesh.compose import excerpt, join_parts, transformed
 from texbake.mesh.deformation import largest_weights
+from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.options import RepairOptions, TransformOptions
+from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOptions
+from texbake.mesh.poses import with_poses
 from texbake.mesh.repair import repair
 from texbake.mesh.rig import read_rig
+from texbake.mesh.simplify import simplify
 from texbake.verbs.meshes import transform_file
+from texbake.verbs.simplify import simplify_file
 
 
 def document(path):
@@ -137,3 +142,39 @@ def test_mixing_vertices_keeps_the_largest_weights():
     np.testing.assert_allclose(weights, [[0.625, 0.375]])
     nothing = largest_weights(np.array([[3, 1]], np.int32), np.zeros((1, 2)), 2)
     assert not nothing[0].any() and not nothing[1].any()
+
+
+@pytest.mark.parametrize("quality", ["fast", "best"])
+def test_a_simplified_character_bends_as_before(path, tmp_path, quality):
+    mesh = read_mesh(path)
+    options = SimplifyOptions(n_faces=mesh.n_faces // 3, quality=quality)
+    (result,) = simplify_file(path, tmp_path / "b.glb", options).warnings or ("",)
+    assert "written without" not in result
+    made, content = read_mesh(tmp_path / "b.glb"), document(tmp_path / "b.glb")
+    assert [node["name"] for node in content["nodes"]] == [
+        node["name"] for node in document(path)["nodes"]
+    ]
+    assert made.n_faces <= mesh.n_faces // 3
+    for share in (0.0, 0.5, 1.0):
+        before = mesh.replace(positions=posed(mesh, None, share))
+        after = made.replace(positions=posed(made, None, share))
+        # A chord of a circle of this radius, at as many edges around as are left, is as far off.
+        assert surface_distance(before, after).max < 0.03
+    still = simplify(mesh, mesh.n_faces // 3, quality=quality)
+    bent = [m.replace(positions=posed(m, None, 1.0)) for m in (mesh, still, made)]
+    assert surface_distance(bent[0], bent[2]).rms < surface_distance(bent[0], bent[1]).rms
+
+
+def test_poses_are_those_of_the_animation():
+    mesh, rig = character()
+    poses = with_poses(mesh, rig).deformation.poses
+    assert len(poses) == 5  # four of the animation, and the morph target
+    for pose, share in zip(poses, (0.25, 0.5, 0.75, 1.0), strict=False):
+        np.testing.assert_allclose(pose, posed(mesh, rig, share), atol=0.02)
+    np.testing.assert_allclose(
+        poses[4], mesh.positions + mesh.deformation.morphs[0].rows(mesh.n_vertices), atol=1e-6
+    )
+    content = {key: value for key, value in rig.content.items() if key != "animations"}
+    bent = with_poses(mesh, replace(rig, content=content)).deformation.poses
+    assert len(bent) == 4  # three turns of all joints, and the morph target
+    assert np.abs(bent[0] - mesh.positions).max() > 0.3

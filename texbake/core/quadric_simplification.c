@@ -9,12 +9,15 @@
    looked at again only when its turn comes: errors hardly ever shrink, so that it cannot come too
    late.
 
+   Of a mesh that bends, the errors in some of its poses are added, each with quadrics of its own.
+
    Departs from Garland and Heckbert in starting again several times on the way, with the planes of the
    surface as it then is, as Lindstrom and Turk do at every step, beside a share of the errors so far.
 
    Based on: Garland, Heckbert, "Surface simplification using quadric error metrics", 1997; Cohen,
    Manocha, Olano, "Simplifying polygonal models using successive mappings", 1997 (the lazy heap);
-   Lindstrom, Turk, "Fast and memory efficient polygonal simplification", 1998.
+   Lindstrom, Turk, "Fast and memory efficient polygonal simplification", 1998; Mohr, Gleicher,
+   "Deformation sensitive decimation", 2003 (poses).
 
    Called from texbake/mesh/decimate.py and piecewise_simplification.c. */
 
@@ -121,14 +124,14 @@ static double edge_weight(
     return BOUNDARY_WEIGHT;
 }
 
-static void add_face_quadrics(struct simplification *s)
+static void add_face_quadrics(
+    const struct collapsible_mesh *mesh, const double (*points)[4], struct quadric *quadrics)
 {
-    struct collapsible_mesh *mesh = &s->mesh;
     for (int64_t i = 0; i < mesh->n_faces; i++) {
         const int32_t *face = mesh->faces[i];
-        const struct vector a = vector_at(mesh->points[face[0]]);
+        const struct vector a = vector_at(points[face[0]]);
         const struct vector across = cross(
-            minus(vector_at(mesh->points[face[1]]), a), minus(vector_at(mesh->points[face[2]]), a));
+            minus(vector_at(points[face[1]]), a), minus(vector_at(points[face[2]]), a));
         const double length = sqrt(dot(across, across));
         if (!(length > 0.0))
             continue;
@@ -136,9 +139,9 @@ static void add_face_quadrics(struct simplification *s)
         struct quadric plane = {0};
         add_plane(&plane, normal, a, 0.5 * length);
         for (int k = 0; k < 3; k++) {
-            struct quadric *quadric = &s->quadrics[face[k]];
+            struct quadric *quadric = &quadrics[face[k]];
             *quadric = add_quadrics(quadric, &plane);
-            add_point(quadric, vector_at(mesh->points[face[k]]), PLACE_WEIGHT * length);
+            add_point(quadric, vector_at(points[face[k]]), PLACE_WEIGHT * length);
         }
     }
 }
@@ -197,12 +200,12 @@ static inline bool may_go(const struct simplification *s, int32_t u, int32_t v)
 
 /* Where u and v meet if they may move, and the error there. */
 static double least_error(
-    const struct simplification *s, int32_t u, int32_t v, struct vector *place)
+    const double (*points)[4], const struct quadric *quadrics, int32_t u, int32_t v,
+    struct vector *place)
 {
-    const struct collapsible_mesh *mesh = &s->mesh;
-    const struct quadric sum = add_quadrics(&s->quadrics[u], &s->quadrics[v]);
-    *place = vector_at(mesh->points[v]);
-    const struct vector edge = minus(vector_at(mesh->points[u]), *place);
+    const struct quadric sum = add_quadrics(&quadrics[u], &quadrics[v]);
+    *place = vector_at(points[v]);
+    const struct vector edge = minus(vector_at(points[u]), *place);
     const struct vector middle = weighted(edge, *place, 0.5, 1.0);
     struct vector step;
     if (step_to_least(&sum, middle, &step) && dot(step, step) <= 4.0 * dot(edge, edge)) {
@@ -215,14 +218,45 @@ static double least_error(
     return min_f64(at_v, at_middle);
 }
 
+/* The sum of the errors in all poses once u has gone to v; where they meet, each pose has its own
+   place. */
+static double posed_error(const struct simplification *s, int32_t u, int32_t v, bool meets)
+{
+    double sum = 0.0;
+    for (int64_t pose = 0; pose < s->n_poses; pose++) {
+        const double (*points)[4] = (const double(*)[4])posed_points(s, pose);
+        const struct quadric *quadrics = posed_quadrics(s, pose);
+        struct vector place;
+        sum += meets ? least_error(points, quadrics, u, v, &place)
+                     : quadric_at(&quadrics[u], vector_at(points[v])) + points[v][3];
+    }
+    return sum;
+}
+
+/* Let u go to v in all poses. */
+static void collapse_poses(struct simplification *s, int32_t u, int32_t v, bool meets)
+{
+    for (int64_t pose = 0; pose < s->n_poses; pose++) {
+        double (*points)[4] = posed_points(s, pose);
+        struct quadric *quadrics = posed_quadrics(s, pose);
+        struct vector place = vector_at(points[v]);
+        if (meets)
+            least_error((const double(*)[4])points, quadrics, u, v, &place);
+        quadrics[v] = add_quadrics(&quadrics[u], &quadrics[v]);
+        memcpy(points[v], &place, sizeof place);
+        points[v][3] = quadric_at(&quadrics[v], place);
+    }
+}
+
 /* Where u and v meet when u goes to v, and the error there. */
 static inline double cost_of(
     const struct simplification *s, int32_t u, int32_t v, struct vector *place)
 {
+    const double (*points)[4] = (const double(*)[4])s->mesh.points;
     if (may_meet(s, u, v))
-        return least_error(s, u, v, place);
-    *place = vector_at(s->mesh.points[v]);
-    return quadric_at(&s->quadrics[u], *place) + s->mesh.points[v][3];
+        return least_error(points, s->quadrics, u, v, place) + posed_error(s, u, v, true);
+    *place = vector_at(points[v]);
+    return quadric_at(&s->quadrics[u], *place) + points[v][3] + posed_error(s, u, v, false);
 }
 
 /* Whether a collapse is cheaper than another, and comes after a third one. */
@@ -242,7 +276,7 @@ static double choose_target(struct simplification *s, int32_t u, double cost_bef
     int32_t target = -1;
     const struct corners around = may_leave(s, u) ? corners_of(mesh, u) : (struct corners){0};
     const int n_steps = steps_to_neighbors(mesh, u);
-    if (n_steps == 1 && !s->moves) {
+    if (n_steps == 1 && !s->moves && s->n_poses == 0) {
         const struct quadric quadric = s->quadrics[u];
         for (int64_t i = 0; i < around.n; i++) {
             const int32_t v = vertex_after(mesh, around.corners[i], 1);
@@ -353,8 +387,15 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
     s->heap = TAKE(arena, struct waiting, n + CHILDREN - 1) + CHILDREN - 1;
     s->is_waiting = TAKE_ZEROS(arena, bool, n);
     s->is_stale = TAKE_ZEROS(arena, bool, n);
-    add_face_quadrics(s);
+    add_face_quadrics(mesh, (const double(*)[4])mesh->points, s->quadrics);
     add_edge_quadrics(s);
+    for (int64_t pose = 0; pose < s->n_poses; pose++) {
+        double (*points)[4] = posed_points(s, pose);
+        struct quadric *quadrics = posed_quadrics(s, pose);
+        add_face_quadrics(mesh, (const double(*)[4])points, quadrics);
+        for (int64_t vertex = 0; vertex < n; vertex++)
+            points[vertex][3] = quadric_at(&quadrics[vertex], vector_at(points[vertex]));
+    }
     for (int64_t vertex = 0; vertex < n; vertex++)
         mesh->points[vertex][3] = quadric_at(
             &s->quadrics[vertex], vector_at(mesh->points[vertex]));
@@ -388,6 +429,7 @@ bool collapse_cheapest(
             if (can_collapse(&s->mesh, *u, v, place, collapse)
                 && carry_attributes(&s->mesh, &s->attributes, *u, v, place, collapse)) {
                 drop_first(s);
+                collapse_poses(s, *u, v, may_meet(s, *u, v));
                 collapse_edge(&s->mesh, *u, v, place, collapse);
                 s->quadrics[v] = add_quadrics(&s->quadrics[*u], &s->quadrics[v]);
                 s->mesh.points[v][3] = quadric_at(&s->quadrics[v], place);
@@ -439,17 +481,45 @@ static void take_faces(
     mesh->is_shared = TAKE_ZEROS(arena, bool, mesh->n_vertices);
 }
 
+/* Take the poses of the vertices of a mesh, or give them back. */
+static void take_poses(struct arena *arena, struct simplification *s, struct poses *poses)
+{
+    const int64_t n = s->mesh.n_vertices;
+    s->n_poses = poses->n;
+    s->posed_points = take(arena, n * poses->n, sizeof *s->posed_points);
+    s->posed_quadrics = take(arena, n * poses->n, sizeof *s->posed_quadrics);
+    for (int64_t pose = 0; pose < poses->n; pose++) {
+        for (int64_t vertex = 0; vertex < n; vertex++) {
+            const int64_t from = pose * poses->n_vertices + s->vertex_ids[vertex];
+            memcpy(posed_points(s, pose)[vertex], poses->points[from], sizeof *poses->points);
+            posed_quadrics(s, pose)[vertex] = scaled_quadric(&poses->so_far[from], REMEMBERED);
+        }
+    }
+}
+
+static void give_poses(const struct simplification *s, struct poses *poses)
+{
+    for (int64_t pose = 0; pose < poses->n; pose++) {
+        for (int64_t vertex = 0; vertex < s->mesh.n_vertices; vertex++) {
+            const int64_t to = pose * poses->n_vertices + s->vertex_ids[vertex];
+            memcpy(poses->points[to], posed_points(s, pose)[vertex], sizeof *poses->points);
+            poses->so_far[to] = posed_quadrics(s, pose)[vertex];
+        }
+    }
+}
+
 /* Collapse edges until `n_wanted` faces are left or no edge can, with errors from the surface as it
    is now; return how many faces are left, in front of the others. */
 static int64_t simplify_from_here(
     struct arena *arena, struct simplification *s, int64_t n_vertices, int64_t n_faces,
-    const int32_t *vertex_of, double (*points)[3], int32_t (*faces)[3], int64_t n_wanted,
-    bool lock_boundary)
+    const int32_t *vertex_of, double (*points)[3], int32_t (*faces)[3], struct poses *poses,
+    int64_t n_wanted, bool lock_boundary)
 {
     const struct collapsible_mesh *mesh = &s->mesh;
     take_faces(
         arena, s, n_vertices, n_faces, vertex_of, (const double(*)[3])points,
         (const int32_t(*)[3])faces);
+    take_poses(arena, s, poses);
     begin_simplification(arena, s, lock_boundary);
     int32_t u;
     double cost;
@@ -460,6 +530,7 @@ static int64_t simplify_from_here(
         s->so_far[s->vertex_ids[vertex]] = s->quadrics[vertex];
         memcpy(points[s->vertex_ids[vertex]], mesh->points[vertex], sizeof *points);
     }
+    give_poses(s, poses);
     int64_t n_left = 0;
     for (int64_t face = 0; face < n_faces; face++)
         if (mesh->faces[face][0] >= 0)
@@ -471,13 +542,17 @@ static int64_t simplify_from_here(
    vertex; points and faces are overwritten, the faces by those that are left. Returns how many.
 
    Where vertices move, `uvs` and `normals` are carried along: their rows, one for each wedge and not
-   shared by vertices, tell which wedges have a value in common. */
+   shared by vertices, tell which wedges have a value in common.
+
+   Each pose has points of all vertices, one after the other: the error is the sum of those at rest
+   and in all poses, so that what bends keeps its edges. They are overwritten. */
 EXPORT int64_t collapse_edges(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, int64_t n_uvs, int64_t n_normals,
+    int64_t n_posed,
     const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
     OPTIONAL const int32_t uv_rows[n_wedges], OPTIONAL double uvs[n_uvs][2],
     OPTIONAL const int32_t normal_rows[n_wedges], OPTIONAL double normals[n_normals][3],
-    int64_t n_wanted, bool moves, bool lock_boundary)
+    OPTIONAL double posed[n_posed][3], int64_t n_wanted, bool moves, bool lock_boundary)
 {
     struct simplification s = {
         .moves = moves,
@@ -486,6 +561,9 @@ EXPORT int64_t collapse_edges(
             .normals = {normals ? 3 : 0, normal_rows, (double *)normals, true}}};
     OPEN_ARENA(arena);
     s.so_far = take_zeros(arena, n_vertices, sizeof *s.so_far);
+    struct poses poses = {
+        posed && n_vertices ? n_posed / n_vertices : 0, n_vertices, posed,
+        take_zeros(arena, posed ? n_posed : 0, sizeof *poses.so_far)};
     int64_t n_left = n_faces;
     for (size_t i = 0; i < sizeof RESTARTS / sizeof *RESTARTS; i++) {
         const int64_t n_next = (int64_t)(RESTARTS[i] * (double)n_wanted);
@@ -494,7 +572,8 @@ EXPORT int64_t collapse_edges(
         const arena_mark mark = mark_arena(arena);
         const int64_t n_before = n_left;
         n_left = simplify_from_here(
-            arena, &s, n_vertices, n_left, vertex_of, points, faces, n_next, lock_boundary);
+            arena, &s, n_vertices, n_left, vertex_of, points, faces, &poses, n_next,
+            lock_boundary);
         reset_arena(arena, mark);
         if (n_left == n_before && !moves)
             break; /* other errors would not make a collapse possible */

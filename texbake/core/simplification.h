@@ -199,6 +199,13 @@ struct waiting {
     int32_t vertex;
 };
 
+/* Poses of all vertices, and their quadrics when the errors started again. */
+struct poses {
+    int64_t n, n_vertices;
+    double (*points)[3];
+    struct quadric *so_far;
+};
+
 struct simplification {
     struct collapsible_mesh mesh;
     struct carried_attributes attributes;
@@ -211,8 +218,21 @@ struct simplification {
     struct waiting *heap; /* of the vertices, by the cost of those */
     int64_t n_heap;
     bool *is_waiting; /* in the heap */
+    int64_t n_poses; /* whose errors count as well, each with points and quadrics of all vertices */
+    double (*posed_points)[4]; /* and the error there */
+    struct quadric *posed_quadrics;
     bool *is_stale;   /* something around it has changed since its collapse was chosen */
 };
+
+static inline double (*posed_points(const struct simplification *s, int64_t pose))[4]
+{
+    return s->posed_points + pose * s->mesh.n_vertices;
+}
+
+static inline struct quadric *posed_quadrics(const struct simplification *s, int64_t pose)
+{
+    return s->posed_quadrics + pose * s->mesh.n_vertices;
+}
 
 void begin_simplification(struct arena *arena, struct simplification *s, bool lock_boundary);
 bool collapse_cheapest(

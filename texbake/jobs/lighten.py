@@ -39,7 +39,10 @@ from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, without_borders
+from texbake.mesh.poses import with_poses
+from texbake.mesh.rig import Rig, read_rig
 from texbake.mesh.simplify import SimplifyReport
+from texbake.mesh.triangle_tree import with_nearest_motion
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.raycast.orientation import oriented
 from texbake.records import dataclass
@@ -149,8 +152,10 @@ def lighten(
     with stages.part("read"), parsed_once():
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
-        warnings = [*left_out(model)]
-    light_model = _lightened(source, materials, options, stages, progress)
+        rig = read_rig(model)
+    light_model = _lightened(source, materials, rig, options, stages, progress)
+    rig = rig if rig is not None and rig.fits(light_model.mesh) else None
+    warnings = [] if rig is not None else [*left_out(model)]
     with stages.part("write"):
         written = shared_materials(
             light_model.mesh,
@@ -166,6 +171,7 @@ def lighten(
             materials=written,
             compress=options.compress,
             quantize=options.quantize,
+            rig=rig,
         )
     comparison = None
     n_parts = max(len(materials.materials), len(source.group_names))
@@ -259,11 +265,13 @@ class _Lightened:
 def _lightened(
     source: Mesh,
     materials: Materials,
+    rig: Rig | None,
     options: LightenOptions,
     stages: Stages,
     progress: Progress,
 ) -> _Lightened:
     with stages.part("simplify"):
+        source = with_poses(source, rig)
         source = joined_objects(source) if options.join_objects else source
         high, turned = oriented(source, options.orientation, threads=options.threads)
         rule = LowNormals(options.normals, options.angle)
@@ -329,4 +337,4 @@ def _simplified(
         progress=progress,
     )  # fmt: skip
     low_poly = maker.make(options.remesh, must_reach=options.n_faces is not None)
-    return low_poly.mesh, low_poly
+    return with_nearest_motion(low_poly.mesh, high, options.threads), low_poly

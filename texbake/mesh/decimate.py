@@ -46,6 +46,7 @@ class VertexStream:
     group_ids: IntArray | None = None
     # (S,) int32: first group of the object of each vertex, if the mesh has several objects
     object_ids: IntArray | None = None
+    poses: FloatArray | None = None  # (P, S, 3) float64: positions on the grid in other poses
 
     @property
     def has_seams(self) -> bool:
@@ -60,16 +61,25 @@ class VertexStream:
         _, firsts, numbers = np.unique(self.position_ids, return_index=True, return_inverse=True)
         return numbers.ravel().astype(np.int32), self.points[firsts]
 
+    @cached_property
+    def posed(self) -> FloatArray | None:
+        """(n, 3) float64: points of the vertices in each pose, one pose after the other."""
+        if self.poses is None:
+            return None
+        poses = self.poses
+        if self.has_seams:
+            poses = poses[:, np.unique(self.position_ids, return_index=True)[1]]
+        return np.ascontiguousarray(poses.reshape(-1, 3))
+
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""
         used, faces = used_rows(faces, len(self.points))
-        ids = (self.uv_ids, self.normal_ids, self.group_ids, self.object_ids)
-        return VertexStream(
-            faces,
-            self.points[used],
-            self.position_ids[used],
-            *(None if values is None else values[used] for values in ids),
-        )
+        names = ("uv_ids", "normal_ids", "group_ids", "object_ids")
+        ids = {name: getattr(self, name) for name in names}
+        kept = {name: None if values is None else values[used] for name, values in ids.items()}
+        if self.poses is not None:
+            kept["poses"] = self.poses[:, used]
+        return VertexStream(faces, self.points[used], self.position_ids[used], **kept)
 
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
@@ -116,12 +126,16 @@ def _weld(
         of_vertices = np.zeros(mesh.n_vertices, np.int32)
         of_vertices[mesh.faces] = groups[:, np.newaxis]
         object_ids = of_vertices[position_ids]
+    grid, poses = UnitGrid.around(mesh), None
+    if mesh.deformation is not None and len(mesh.deformation.poses):
+        poses = np.stack([grid.to_grid(pose[position_ids]) for pose in mesh.deformation.poses])
     return VertexStream(
         faces,
-        UnitGrid.around(mesh).to_grid(mesh.positions[position_ids]),
+        grid.to_grid(mesh.positions[position_ids]),
         position_ids,
         **dict(zip(columns, others, strict=True)),
         object_ids=object_ids,
+        poses=poses,
     )
 
 
@@ -194,10 +208,16 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
     """(F, 3) faces once edges are collapsed onto their ends, down to `n_faces` if possible."""
     vertex_of, points = stream.vertices
     faces = with_three_places(stream, stream.faces)
+    attributes = (None,) * 4
     n_left = core.collapse_edges(
-        vertex_of, points.copy(), faces, None, None, None, None, n_faces, False, lock_boundary
-    )
+        vertex_of, points.copy(), faces, *attributes, _copied(stream.posed), n_faces, False,
+        lock_boundary,
+    )  # fmt: skip
     return faces[:n_left]
+
+
+def _copied(posed: FloatArray | None) -> FloatArray | None:
+    return None if posed is None else posed.copy()
 
 
 def move_and_collapse(
@@ -215,8 +235,9 @@ def move_and_collapse(
     uv_rows, uvs = _rows_of_vertices(vertex_of, stream.uv_ids, mesh.uvs)
     normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, mesh.normals)
     n_left = core.collapse_edges(
-        vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, n_faces, True, lock_boundary
-    )
+        vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, _copied(stream.posed),
+        n_faces, True, lock_boundary,
+    )  # fmt: skip
     faces = faces[:n_left]
     positions = np.empty_like(points)
     positions[vertex_of] = mesh.positions[stream.position_ids]

@@ -7,6 +7,7 @@ carries a rigid part. So two parts may be joined at vertices that move alike, wh
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
@@ -50,11 +51,14 @@ class Deformation:
         How much each of them does: they sum to 1, or are all 0 for a vertex that no node moves.
     morphs : tuple of Morph
         Morph targets, numbered as in each object of the mesh.
+    poses : (P, V, 3) float64
+        Positions in some poses, in which a simplified mesh is to look right as well.
     """
 
     joints: _Ints
     weights: _Floats
     morphs: tuple[Morph, ...] = ()
+    poses: _Floats = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -67,7 +71,8 @@ class Deformation:
     def of(self, vertices: npt.NDArray[np.intp] | _Ints) -> Deformation:
         """Return that of some vertices, in their order; a vertex may be there several times."""
         morphs = (Morph.of_rows(morph.rows(len(self))[vertices]) for morph in self.morphs)
-        return Deformation(self.joints[vertices], self.weights[vertices], tuple(morphs))
+        poses = self.poses[:, vertices] if len(self.poses) else self.poses
+        return Deformation(self.joints[vertices], self.weights[vertices], tuple(morphs), poses)
 
     def mixed(self, vertices: npt.NDArray[np.intp] | _Ints, shares: _Floats) -> Deformation:
         """(n,) vertices that are (n, S) shares of (n, S) others; they keep K joints at most."""

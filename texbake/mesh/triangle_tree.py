@@ -185,14 +185,14 @@ def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) ->
 
 def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
     """Give a mesh the groups, colors and motion of `source`, in the same space, that it lacks."""
+    mesh = with_nearest_motion(mesh, source, threads)
     lacks_groups = mesh.face_groups is None and source.face_groups is not None
     colors = source.colors if mesh.colors is None else None
     names = {"group_names": source.group_names, "group_objects": source.group_objects}
     if lacks_groups and len(source.group_names) == 1:
         mesh = mesh.replace(face_groups=np.zeros(mesh.n_faces, np.int32), **names)
         lacks_groups = False
-    motion = source.deformation if mesh.deformation is None else None
-    if not lacks_groups and colors is None and motion is None:
+    if not lacks_groups and colors is None:
         return mesh
     frame = LocalFrame.around(source)
     tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
@@ -200,11 +200,17 @@ def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None
     if source.face_groups is not None and lacks_groups:
         nearest = tree.closest_points(points[mesh.faces].mean(axis=1), threads=threads)[1]
         mesh = mesh.replace(face_groups=source.face_groups[nearest], **names)
-    if colors is not None or motion is not None:
+    if colors is not None:
         _, nearest, weights = tree.closest_points(points, threads=threads)
-        corners = source.faces[nearest]
-        if colors is not None:
-            mesh = mesh.replace(colors=pm.vecmat(weights, colors[corners]))
-        if motion is not None:
-            mesh = mesh.replace(deformation=motion.mixed(corners, weights))
+        mesh = mesh.replace(colors=pm.vecmat(weights, colors[source.faces[nearest]]))
     return mesh
+
+
+def with_nearest_motion(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
+    """Give a mesh that nothing moves what moves the closest points of `source`."""
+    if mesh.deformation is not None or source.deformation is None:
+        return mesh
+    frame = LocalFrame.around(source)
+    tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
+    _, nearest, weights = tree.closest_points(frame.to_local(mesh.positions), threads=threads)
+    return mesh.replace(deformation=source.deformation.mixed(source.faces[nearest], weights))

@@ -139,6 +139,7 @@ def _read(
 ) -> tuple[Mesh, MeshFileMaterials, ReducedMesh | None]:
     """Read a mesh, or what is left of one that is too large for memory."""
     from texbake.jobs.mesh_output import MeshFileMaterials, read_with_materials
+    from texbake.mesh.poses import with_poses
     from texbake.mesh.streamed.mesh import StreamedMesh
     from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.mesh.streamed.source import open_source
@@ -156,7 +157,8 @@ def _read(
                 )
             if reduced is not None:
                 return reduced.mesh, MeshFileMaterials.read(path, reduced.mesh), reduced
-    return *read_with_materials(path, progress), None
+    mesh, materials = read_with_materials(path, progress)
+    return with_poses(mesh, materials.rig), materials, None
 
 
 def _most(options: SimplifyOptions) -> int:

@@ -311,7 +311,7 @@ def _local_matrices(document: Document, nodes: list[dict[str, Any]]) -> FloatArr
     if placed:
         others = sorted(set(others).difference(placed))
     turned, rotations = _rows(document, nodes, others, "rotation", 4)
-    matrices[turned, :3, :3] = _rotation_matrices(rotations)
+    matrices[turned, :3, :3] = rotation_matrices(rotations)
     scaled, scales = _rows(document, nodes, others, "scale", 3)
     matrices[scaled, :3, :3] *= scales[:, None]
     moved, translations = _rows(document, nodes, others, "translation", 3)
@@ -336,7 +336,7 @@ def _rows(
     return places, np.array(values, np.float64).reshape(-1, width)
 
 
-def _rotation_matrices(quaternions: FloatArray) -> FloatArray:
+def rotation_matrices(quaternions: FloatArray) -> FloatArray:
     """(n, 3, 3) matrices of quaternions; one of length 0 turns nothing."""
     lengths = np.sqrt(pm.matmul(quaternions[:, None], quaternions[:, :, None]))[:, :, 0]
     units = np.tile([0.0, 0.0, 0.0, 1.0], (len(quaternions), 1))
