@@ -44,7 +44,8 @@ SECTIONS = {
         "light_map_room", "light_map", "fog",
     ),
     "Environments": (
-        "reflection", "cube_map", "refraction", "rendered_environment", "environment_light",
+        "reflection", "cube_map", "refraction", "transmission", "rendered_environment",
+        "environment_light",
     ),
     "Filters and coordinates": (
         "filters", "magnified", "wrap_modes", "uv_sets", "bezier_coordinates", "affine", "scanline",

@@ -134,7 +134,12 @@ def draw(job):
     scene.cycles.device = "CPU"
     scene.cycles.samples = 16
     scene.cycles.use_denoising = False
-    scene.cycles.max_bounces = 0
+    # Light passes through glass, but does not bounce between surfaces.
+    scene.cycles.max_bounces = scene.cycles.transmission_bounces = 12
+    scene.cycles.diffuse_bounces = scene.cycles.glossy_bounces = 0
+    scene.eevee.use_raytracing = True
+    for material in bpy.data.materials:
+        material.use_raytrace_refraction = True
     # A box of one pixel, as the others have it.
     scene.cycles.pixel_filter_type = "BOX"
     scene.render.film_transparent = True

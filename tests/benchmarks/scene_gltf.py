@@ -178,6 +178,7 @@ def _material(file, material, uvs):
         _add_reflection(file, material, uvs, pbr)
         if material.ior != 1.5:
             extensions["KHR_materials_ior"] = {"ior": material.ior}
+        _add_transmission(material, extensions)
     if material.normal_map is not None:
         normal = material.normal_map
         if normal.space not in (None, "tangent") or normal.convention == "directx":
@@ -237,6 +238,25 @@ def _add_reflection(file, material, uvs, pbr):
         "roughnessFactor": float(factors["roughness"]),
         "metallicFactor": float(factors["metalness"]),
     }
+
+
+def _add_transmission(material, extensions):
+    through = material.transmission
+    if through is None:
+        return
+    if not isinstance(through.strength, float | int) or not isinstance(
+        through.thickness, float | int
+    ):
+        raise UnwritableError("transmission by an image or a procedure")
+    extensions["KHR_materials_transmission"] = {"transmissionFactor": through.strength}
+    if through.thickness:
+        volume = {
+            "thicknessFactor": through.thickness,
+            "attenuationColor": list(through.attenuation_color),
+        }
+        if through.attenuation_distance is not None:
+            volume["attenuationDistance"] = through.attenuation_distance
+        extensions["KHR_materials_volume"] = volume
 
 
 def _add_emission(file, material, uvs, content, extensions):

@@ -6,7 +6,7 @@ import trimesh
 
 from texbake.mesh.files.gltf import read_gltf
 from texbake.mesh.files.gltf_document import read_document
-from texbake.mesh.files.gltf_materials import read_gltf_materials
+from texbake.mesh.files.gltf_mesh_materials import read_gltf_materials
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.shapes import plane, uv_sphere

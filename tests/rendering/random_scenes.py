@@ -40,11 +40,11 @@ from texbake.rendering.scene.material import (
     Material,
     NormalMap,
     Parallax,
-    ProjectedTexture,
     Reflection,
     Refraction,
-    projector_matrix,
+    Transmission,
 )
+from texbake.rendering.scene.projected import ProjectedTexture, projector_matrix
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import (
     FILTERS,
@@ -187,6 +187,12 @@ def _material(rng, folder):
         "refraction": lambda: Refraction(
             strength=_slot(rng, folder, "specular"), size=8,
             environment=_pick(rng, ("scene", "scene", "rendered")),
+        ),
+        "transmission": lambda: Transmission(
+            strength=_slot(rng, folder, "roughness"),
+            thickness=_pick(rng, (0.0, _slot(rng, folder, "roughness"))),
+            attenuation_color=tuple(rng.uniform(0.0, 1.0, 3).tolist()),
+            attenuation_distance=_pick(rng, (None, _number(rng, 0.1, 2.0))),
         ),
         "projected": lambda: tuple(_picture(rng, folder) for _ in range(rng.integers(1, 3))),
     }  # fmt: skip

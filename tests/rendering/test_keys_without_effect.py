@@ -104,6 +104,12 @@ PLACES: dict[str, list[str]] = {
     "reflection": [lit("<<reflection = {fresnel = false, strength = 0, KEY}>>"),
                    masked("reflection = {KEY}")],
     "refraction": [lit("<<refraction = {strength = 0, KEY}>>"), masked("refraction = {KEY}")],
+    "transmission": [
+        lit("<<transmission = {strength = 0, KEY}>>"),
+        lit('shading = "lambert"<<, transmission = {KEY}>>'),
+        lit("metalness = 1<<, transmission = {KEY}>>"),
+        masked("transmission = {KEY}"),
+    ],
     "projected": [
         lit(f"<<projected = [{{{TEXTURE}, position = [0, 0, 5], {aim}, KEY}}]>>")
         for aim in ("target = [0, 0, 0], strength = 0", "target = [0, 0, 9]", "target = [9, 0, 5]")
@@ -123,6 +129,7 @@ CONFLICTS = {"target": "direction", "direction": "target", "matrix": "position",
 # Values of keys, with the table's name where tables need different ones.
 VALUES: dict[str, str] = {
     "alpha_cutoff": "0.3", "alpha_mode": '"blend"', "angle": "30", "aspect": "2", "axis": '"x"',
+    "attenuation_color": "[0.1, 0.5, 0.9]", "attenuation_distance": "0.5",
     "background": "false", "base_color": IMAGE, "blend": "0.5", "border": "0.5", "bump_map": IMAGE,
     "by_group": "true", "camera": "[10, 20]", "caps": "true", "casts_shadows": "true",
     "center": "[0, 0, 1]", "channel": '"g"', "charts": '"xatlas"', "color": "[0.9, 0.2, 0.1]",
@@ -152,7 +159,7 @@ VALUES: dict[str, str] = {
     "shadow": "true", "sides": "6", "size": "32", "space": '"object"',
     "specular": IMAGE, "start": "1", "static": "false", "strength": "0", "surface": '"sphere"',
     "target": "[0, 0, 9]", "texel_density": "10", "texture": IMAGE, "theta": "[0, 90]",
-    "tiles": "2", "timeout": "9",
+    "thickness": IMAGE, "tiles": "2", "timeout": "9", "transmission": f"{{strength = {IMAGE}}}",
     "unseen": '"project"', "up": "[0, 1, 0.1]", "uv_set": '"nowhere"', "vector": "true",
     "vertex_colors": "true", "via": '"centroid"', "visible": "false", "volume": '"damaged.npy"',
     "warp": '"twirl"', "wrap": '"mirror"',

@@ -32,10 +32,11 @@ from texbake.rendering.scene.material import (
     Material,
     NormalMap,
     Parallax,
-    ProjectedTexture,
     Reflection,
     Refraction,
+    Transmission,
 )
+from texbake.rendering.scene.projected import ProjectedTexture
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
 
@@ -126,6 +127,7 @@ SURROUNDED = Case(
         lighting=Lighting(environment=replace(ROOM, background=False, lighting=False)),
     ),
 )
+THROUGH = pair(Material(transmission=Transmission()), lambert(transmission=Transmission()))
 CASES: dict[str, Case] = {
     "placing": Case(wanted=scene(unlit()), always="a scene has at least one object"),
     "mapping": Case(
@@ -209,6 +211,8 @@ CASES: dict[str, Case] = {
         wanted=scene(unlit(reflection=Reflection()), lighting=Lighting(environment=ROOM)),
         unwanted=scene(unlit(refraction=Refraction())),
     ),
+    "picture behind": THROUGH,
+    "transmission": THROUGH,
     "fog behind": Case(
         wanted=scene(unlit(), lighting=Lighting(fog=Fog())), unwanted=scene(unlit())
     ),

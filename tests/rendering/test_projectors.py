@@ -14,7 +14,8 @@ from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects.projectors import load_cookie, project_onto
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, ProjectedTexture, projector_matrix
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.projected import ProjectedTexture, projector_matrix
 from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture
 

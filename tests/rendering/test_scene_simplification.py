@@ -26,10 +26,10 @@ from texbake.rendering.scene.material import (
     Material,
     NormalMap,
     Parallax,
-    ProjectedTexture,
     Reflection,
     Refraction,
 )
+from texbake.rendering.scene.projected import ProjectedTexture
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
 

@@ -238,8 +238,8 @@ class MissingParts:
 
 _READERS = {
     ".obj": ("mtl", "read_obj_materials"),
-    ".glb": ("gltf_materials", "read_gltf_materials"),
-    ".gltf": ("gltf_materials", "read_gltf_materials"),
+    ".glb": ("gltf_mesh_materials", "read_gltf_materials"),
+    ".gltf": ("gltf_mesh_materials", "read_gltf_materials"),
     ".fbx": ("fbx_materials", "read_fbx_materials"),
     **dict.fromkeys((".usd", ".usda", ".usdc", ".usdz"), ("usd_materials", "read_usd_materials")),
 }

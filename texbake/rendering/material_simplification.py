@@ -63,7 +63,8 @@ def simplifications(around: Surroundings, *, vertex_opacity: bool) -> tuple[Simp
     """Return the steps, in order, to the simplest material that looks the same."""
     twice = _without_unread_slots, partial(_without_what_mirrors_hide, around)
     unlit = partial(_without_unlit_parts, around)
-    return partial(_without_opacity, vertex_opacity), *twice, unlit, *twice
+    opacity = partial(_without_opacity, vertex_opacity)
+    return opacity, _without_transmission, *twice, unlit, *twice
 
 
 def _without_unread_slots(material: Material) -> Iterator[Step]:
@@ -78,6 +79,20 @@ def _without_unread_slots(material: Material) -> Iterator[Step]:
     }
     if unread:
         yield "slots", "", _replace(material, unread)
+
+
+def _without_transmission(material: Material) -> Iterator[Step]:
+    """Transmission where the surface scatters nothing that could come through instead."""
+    if material.transmission is None:
+        return
+    for why, nothing in (
+        (f"its shading is {material.shading}", material.shading != "metallic-roughness"),
+        ("its base color is black", not is_diffuse(material)),
+        ("it is a metal", not scatters(material)),
+    ):
+        if nothing:
+            yield "transmission", why, replace(material, transmission=None)
+            return
 
 
 def _without_opacity(vertex_opacity: bool, material: Material) -> Iterator[Step]:
@@ -120,11 +135,16 @@ def without_zeros(effects: Sequence[Effect], material: Material) -> Iterator[Ste
                 continue
             material = _replace(material, {slot: zero})
             yield value.effect, f"the factor of {slot} is 0", material
-    for part in "reflection", "refraction":
-        mirror = getattr(material, part)
-        if mirror is not None and _is_texture(mirror.strength) and _is_black(mirror.strength):
-            material = _replace(material, {part: replace(mirror, strength=0.0)})
-            yield "images", f"the factor of {part}.strength is 0", material
+    for part, key in (
+        ("reflection", "strength"),
+        ("refraction", "strength"),
+        ("transmission", "thickness"),
+    ):
+        holder = getattr(material, part)
+        found = getattr(holder, key, None)
+        if _is_texture(found) and _is_black(found):
+            material = _replace(material, {part: replace(holder, **{key: 0.0})})
+            yield "images", f"the factor of {part}.{key} is 0", material
 
 
 def _without_what_mirrors_hide(around: Surroundings, material: Material) -> Iterator[Step]:
@@ -159,15 +179,16 @@ def _without_unlit_parts(around: Surroundings, material: Material) -> Iterator[S
         why = "there is no ambient light" if is_diffuse(material) else "it reflects none of it"
         material = replace(material, occlusion=None)
         yield "occlusion map", why, material
-    if not (lamps or surrounding or light_map):
+    through = material.transmission is not None
+    if not (lamps or surrounding or light_map or through):
         yield from _unlit(material, "no light is reflected")
         return
     for slots, needed, why in (
         (("specular", "exponent", "gloss"), lamps, "no lamp shines"),
         (("exponent", "gloss"), not _is_black(material.specular), "its highlights are black"),
         (("specular", "exponent"), not _is_black(material.gloss), "its gloss is 0"),
-        (("roughness",), lamps or around.environment_light, "there are no highlights"),
-        (("metalness",), lamps or around.environment_light or light_map,
+        (("roughness",), lamps or around.environment_light or through, "there are no highlights"),
+        (("metalness",), lamps or around.environment_light or light_map or through,
          "there are no highlights"),
     ):  # fmt: skip
         unneeded = [s for s in slots if not needed and _is_texture(getattr(material, s))]
@@ -212,8 +233,9 @@ def _dark(material: Material) -> Material:
     bent = bump_map is not None and bool(material.reflection or material.refraction)
     shading = "lambert" if bent and material.shading != "unlit" else "unlit"
     return replace(
-        bare, shading=shading, base_color=color, opacity=opacity, projected=(), bump_map=bump_map
-    )
+        bare, shading=shading, base_color=color, opacity=opacity, projected=(), bump_map=bump_map,
+        transmission=None,
+    )  # fmt: skip
 
 
 def _replace(material: Material, changes: dict[str, Any]) -> Material:

@@ -178,6 +178,7 @@ class RenderRequest:
         return (
             self._shows(material.reflection)
             or self._shows(material.refraction)
+            or material.transmission is not None
             or self._is_lit_from_sides(index)
         )
 

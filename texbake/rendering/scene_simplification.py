@@ -29,7 +29,8 @@ from texbake.rendering.material_simplification import (
 )
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, ProjectedTexture
+from texbake.rendering.scene.material import Material
+from texbake.rendering.scene.projected import ProjectedTexture
 from texbake.rendering.scene.scene import Scene, SceneObject
 
 if TYPE_CHECKING:

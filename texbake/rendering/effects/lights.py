@@ -25,7 +25,7 @@ from texbake.rendering.effect import Effect, Rejection, RenderState
 from texbake.rendering.fragments import Fragments, IncidentLight, one_row
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.scene.lights import Light
-from texbake.rendering.scene.material import picture_aspect
+from texbake.rendering.scene.projected import picture_aspect
 
 # Below this sine of the angle between a light's direction and its `up`, rounding decides the axes.
 _PARALLEL = 1e-9

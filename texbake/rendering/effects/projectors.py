@@ -49,7 +49,7 @@ from texbake.rendering.maps import colors_and_opacity_from, colors_from
 from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Deferred
 from texbake.rendering.scene.lights import Light, Shadow
-from texbake.rendering.scene.material import ProjectedTexture, projector_matrix, projector_position
+from texbake.rendering.scene.projected import ProjectedTexture, projector_matrix, projector_position
 from texbake.rendering.scene.textures import FILTERS_WITH_FOOTPRINT, ImageTexture
 from texbake.texture.image import FloatImage
 

@@ -42,6 +42,8 @@ SHOWN = (
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_texture_transform",

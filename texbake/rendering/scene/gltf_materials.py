@@ -28,7 +28,7 @@ from texbake.mesh.files.gltf_materials import (
     read_material,
 )
 from texbake.records import dataclass
-from texbake.rendering.scene.material import Material, NormalMap
+from texbake.rendering.scene.material import Material, NormalMap, Transmission
 from texbake.rendering.scene.textures import Constant, ImageTexture, Slot
 from texbake.texture.image import Image, decode_image, require_whole
 
@@ -71,6 +71,9 @@ class MaterialReader:
     def _read(self, source: GltfMaterial) -> SceneMaterial:
         sources = {name: source.channels[name] for name in _TEXTURES}
         textures = [item.texture for item in sources.values() if item.texture is not None]
+        if any(source.channels.get("transmission", GltfSource((0.0,))).factor):
+            through = (source.channels["transmission"], source.volume.thickness)
+            textures += [item.texture for item in through if item.texture is not None]
         normal = sources["normal"].texture
         first = normal if normal is not None else next(iter(textures), None)
         self._first_set = 0 if first is None else first.uv_set
@@ -84,15 +87,18 @@ class MaterialReader:
             double_sided=source.is_double_sided,
             base_color=self._slot(sources["base-color"], color=True),
             opacity=None if source.alpha_mode == "opaque" or opacity == 1.0 else opacity,
-            **({} if source.is_unlit else {"ior": source.ior, **self._surface(sources)}),
+            **({} if source.is_unlit else self._surface(source)),
         )
         further = {texture.uv_set for texture in textures} - {self._first_set}
         return SceneMaterial(material, self._first_set, tuple(sorted(further)), bool(textures))
 
-    def _surface(self, sources: dict[str, GltfSource]) -> dict[str, Any]:
+    def _surface(self, source: GltfMaterial) -> dict[str, Any]:
         """Slots of what reflects light, which an unlit material does not read."""
+        sources = source.channels
         emission = sources["emissive"]
         slots: dict[str, Any] = {
+            "ior": source.ior,
+            "transmission": self._transmission(source),
             "roughness": self._slot(sources["roughness"], channel=1),
             "metalness": self._slot(sources["metallic"], channel=2),
             "emission": self._slot(emission, color=True) if any(emission.factor) else None,
@@ -107,6 +113,18 @@ class MaterialReader:
             slots["occlusion"] = shade
             slots["occlusion_strength"] = occlusion.factor[0]
         return slots
+
+    def _transmission(self, source: GltfMaterial) -> Transmission | None:
+        """How much is seen through a surface, and through what volume; None for nothing."""
+        through, volume = source.channels.get("transmission"), source.volume
+        if through is None or not any(through.factor):
+            return None
+        return Transmission(
+            strength=self._slot(through, channel=0),
+            thickness=self._slot(volume.thickness, channel=1),
+            attenuation_color=volume.attenuation_color,
+            attenuation_distance=volume.attenuation_distance,
+        )
 
     def _slot(self, source: GltfSource, *, color: bool = False, channel: int | None = None) -> Slot:
         """A slot of a channel: its factor, times its texture where it has one."""

@@ -52,7 +52,8 @@ from texbake.rendering.scene.file.values import (
     value_error,
     value_type,
 )
-from texbake.rendering.scene.material import Material, ProjectedTexture, projector_matrix
+from texbake.rendering.scene.material import Material, Transmission
+from texbake.rendering.scene.projected import ProjectedTexture, projector_matrix
 from texbake.rendering.scene.textures import (
     SPACES,
     WRAPS,
@@ -260,9 +261,14 @@ ProjectedTable = table(
     },
 )
 
+TransmissionTable = table(
+    Transmission, {"strength": UnitSlot, "thickness": AmountSlot}, short="strength"
+)
+
 MaterialTable = table(
     Material,
     {
+        "transmission": built_by(TransmissionTable, Transmission),
         "exponent": AmountSlot,
         "gloss": UnitSlot,
         "roughness": UnitSlot,

@@ -22,6 +22,7 @@ from texbake.rendering.scene.file.materials import (
     MaterialTable,
     ProcedureTable,
     ProjectedTable,
+    TransmissionTable,
     VolumeTable,
 )
 from texbake.rendering.scene.file.objects import MappingTable, ObjectMaker, ObjectTable
@@ -267,6 +268,7 @@ TABLES: dict[str, type[Table]] = {
     "parallax": table_of(Parallax),
     "reflection": table_of(Reflection),
     "refraction": table_of(Refraction),
+    "transmission": TransmissionTable,
     "projected": ProjectedTable,
 }
 
