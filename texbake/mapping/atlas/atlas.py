@@ -18,6 +18,7 @@ from texbake.mapping.atlas.charts import (
     gather_charts,
     single_face_charts,
 )
+from texbake.mapping.atlas.choice import layout_cost, whole_bodies
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.cutting.marked import marked_charts
 from texbake.mapping.atlas.edge_weights import edge_weights
@@ -48,6 +49,8 @@ _JOINED_SIDES = 1.15
 # Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
 # hundreds of charts reach it.
 _JOIN_WORK = {"good": 300, "best": 1000}
+# Whole bodies that cost less than this share of what `good` does leave no more to be tried.
+_CLEARLY_BETTER = 0.7
 # Steps from zero to the size of the largest of several meshes.
 _SIZES = 2.0**40
 
@@ -77,22 +80,46 @@ def make_atlas(
     if options.by_group:  # fail before the work
         check_tiles(len(_groups_in_use(meshes)), options.tiles, _name_of(meshes))
 
-    def charts_of(options: UnwrapOptions) -> list[Charts]:
-        return [
-            _make_charts(mesh, options, stages, marked, threads)
-            for mesh, marked in zip(meshes, seams, strict=True)
-        ]
+    is_free = not options.keep and all(each is None for each in seams)
+    if options.quality == "best" and options.charts == "texbake" and is_free:
+        return _best_atlases(meshes, options, stages, threads)
+    all_charts = [
+        _make_charts(mesh, options, stages, marked, threads)
+        for mesh, marked in zip(meshes, seams, strict=True)
+    ]
+    return _packed_charts(meshes, all_charts, options, stages, threads)[0]
 
-    atlases, packing = _packed_charts(meshes, charts_of(options), options, stages, threads)
-    if options.quality == "best" and not options.keep and any(each is None for each in seams):
-        # On meshes of few faces, allowing more stretch may lead to nothing.
-        good = replace(options, quality="good")
-        fewer = charts_of(good)
-        if sum(charts.n_charts for charts in fewer) <= len(packing.tiles):
-            others, denser = _packed_charts(meshes, fewer, good, stages, threads)
-            if denser.fill > packing.fill:
-                return others
-    return atlases
+
+def _best_atlases(
+    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+) -> list[Atlas]:
+    """The atlas of the least `layout_cost`: of `good`, of whole bodies, or of larger charts."""
+    good = replace(options, quality="good")
+    candidates: list[tuple[float, list[Charts]]] = []
+
+    def consider(all_charts: list[Charts]) -> None:
+        with suppress(UnwrapError):  # they do not fit
+            _, packing = _packed_charts(meshes, all_charts, good, stages, threads)
+            candidates.append((layout_cost(meshes, all_charts, packing.fill), all_charts))
+
+    of_good = [_make_charts(mesh, good, stages, None, threads) for mesh in meshes]
+    consider(of_good)
+    bodies = [
+        _body_charts(mesh, charts, options, stages, threads)
+        for mesh, charts in zip(meshes, of_good, strict=True)
+    ]
+    for number in range(max(map(len, bodies))):
+        consider(
+            [
+                found[min(number, len(found) - 1)] if found else charts
+                for found, charts in zip(bodies, of_good, strict=True)
+            ]
+        )
+    least = min((cost for cost, _ in candidates[1:]), default=math.inf)
+    if not (candidates and least < _CLEARLY_BETTER * candidates[0][0]):
+        consider([_make_charts(mesh, options, stages, None, threads) for mesh in meshes])
+    chosen = min(candidates, key=lambda each: each[0])[1] if candidates else of_good
+    return _packed_charts(meshes, chosen, options, stages, threads)[0]
 
 
 def _name_of(meshes: Sequence[Mesh]) -> str:
@@ -165,14 +192,10 @@ def _make_charts(
     threads: int | None,
 ) -> Charts:
     """Make the charts of one mesh, in units of the longest side of its bounding box."""
-    regions = mesh.face_groups if options.by_group else face_objects(mesh)
     if options.keep:
+        regions = mesh.face_groups if options.by_group else face_objects(mesh)
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
-    hard_edges = options.seams_at_hard_edges or options.normals == "angle"
-    regions, n_within = regions_between(
-        mesh, hard_edges=hard_edges, angle=options.seam_angle, regions=regions
-    )
-    surface = surface_of(mesh, regions, threads, seams=seams)
+    surface, n_within = _surface(mesh, options, seams, threads)
     isolated, others = find_isolated_faces(surface)
     if not len(isolated):
         charts = _connected_charts(mesh, surface, options, stages)
@@ -193,6 +216,31 @@ def _make_charts(
         note = f"{n_within:,} hard edges have no seam, because they end within a chart"
         charts = replace(charts, notes=(*charts.notes, note))
     return charts
+
+
+def _surface(
+    mesh: Mesh, options: UnwrapOptions, seams: BoolArray | None, threads: int | None
+) -> tuple[ChartSurface, int]:
+    """The surface of a mesh in its regions, and the number of hard edges within one."""
+    regions, n_within = regions_between(
+        mesh,
+        hard_edges=options.seams_at_hard_edges or options.normals == "angle",
+        angle=options.seam_angle,
+        regions=mesh.face_groups if options.by_group else face_objects(mesh),
+    )
+    return surface_of(mesh, regions, threads, seams=seams), n_within
+
+
+def _body_charts(
+    mesh: Mesh, others: Charts, options: UnwrapOptions, stages: Stages, threads: int | None
+) -> list[Charts]:
+    """Charts of whole bodies with more and more limbs cut off; `others`: of what is no body."""
+    surface, _ = _surface(mesh, options, None, threads)
+    with stages.stage("cut bodies"):
+        found = whole_bodies(surface, others)
+    return [
+        replace(_bounded(surface, charts, options, stages), notes=others.notes) for charts in found
+    ]
 
 
 def _connected_charts(

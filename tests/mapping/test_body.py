@@ -1,0 +1,135 @@
+"""Whole bodies: one chart of a body, limbs cut off at necks, and the least cost of candidates."""
+
+import math
+
+import numpy as np
+import pytest
+
+from texbake.core import core
+from texbake.mapping.atlas.atlas import make_atlas
+from texbake.mapping.atlas.choice import layout_cost, whole_bodies
+from texbake.mapping.atlas.cutting.body import face_energies, flatten_body
+from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
+from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.joining.necks import divide_at_necks
+from texbake.mapping.atlas.joining.pieces import pieces_of
+from texbake.mapping.corner_uvs import signed_areas
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.overlap import find_overlaps
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere
+from texbake.progress import Stages
+
+
+def grid(keep, n=24):
+    """Faces of a grid of unit squares about the origin whose middles `keep` accepts, as a mesh."""
+    xs = np.linspace(-1.0, 1.0, n + 1)
+    points = np.array([(x, y, 0.0) for y in xs for x in xs])
+    faces = []
+    for j in range(n):
+        for i in range(n):
+            if keep((xs[i] + xs[i + 1]) / 2.0, (xs[j] + xs[j + 1]) / 2.0):
+                a = j * (n + 1) + i
+                faces += [(a, a + 1, a + n + 2), (a, a + n + 2, a + n + 1)]
+    return Mesh(positions=points, faces=np.array(faces, dtype=np.int32), name="grid")
+
+
+def torus(n_around, n_across):
+    """A torus of quads halved into triangles, with one handle."""
+    a = 2.0 * np.pi * np.arange(n_around)[:, None] / n_around
+    b = 2.0 * np.pi * np.arange(n_across)[None] / n_across
+    radii = 1.0 + 0.35 * np.cos(b)
+    points = np.stack([radii * np.cos(a), radii * np.sin(a), 0.35 * np.sin(b) + 0.0 * a], axis=2)
+    i, j = np.meshgrid(np.arange(n_around), np.arange(n_across), indexing="ij")
+    corner = [
+        ((i + u) % n_around) * n_across + (j + v) % n_across
+        for u, v in ((0, 0), (1, 0), (1, 1), (0, 1))
+    ]
+    quads = np.stack(corner, axis=2).reshape(-1, 4)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+    return Mesh(positions=points.reshape(-1, 3), faces=faces, name="torus")
+
+
+def body_of(mesh):
+    surface = surface_of(mesh)
+    corners, _, opposite = surface.joints
+    points = surface.points[corners]
+    return flatten_body(points, opposite, edge_weights(surface).ravel())
+
+
+def test_distances_grow_by_each_edge_and_later_sources_only_lower_them():
+    # A path 0 - 1 - 2 - 3 - 4 with edges of 1, 2, 3, 4, and one edge that is no way.
+    tails, heads = np.array([0, 1, 2, 3, 0]), np.array([1, 2, 3, 4, 4])
+    costs = np.array([1.0, 2.0, 3.0, 4.0, math.inf])
+    starts = np.concatenate([tails, heads])
+    order = np.argsort(starts, kind="stable")
+    rows = np.searchsorted(starts[order], np.arange(6))
+    ends = np.concatenate([heads, tails])[order].astype(np.int32)
+    steps = np.concatenate([costs, costs])[order]
+    distances, before = np.full(5, np.inf), np.full(5, -1, dtype=np.int32)
+    core.find_shortest_ways(rows, ends, steps, np.array([0], np.int32), distances, before)
+    assert distances.tolist() == [0.0, 1.0, 3.0, 6.0, 10.0]
+    core.find_shortest_ways(rows, ends, steps, np.array([4], np.int32), distances, before)
+    assert distances.tolist() == [0.0, 1.0, 3.0, 4.0, 0.0]
+    assert before.tolist() == [-1, 0, 1, 4, -1]
+
+
+@pytest.mark.parametrize("mesh", [icosphere(3), torus(24, 12)], ids=["sphere", "torus"])
+def test_a_body_becomes_one_disk_of_little_stretch(mesh):
+    body = body_of(mesh)
+    assert body is not None
+    uvs = body.flat.uvs[body.faces]
+    assert (signed_areas(uvs) > 0.0).all()
+    assert body.flat.energy / 4.0 < 1.15
+    # A disk has one more vertex and face together than edges.
+    edges = np.sort(np.stack([body.faces, np.roll(body.faces, -1, axis=1)], axis=2), axis=2)
+    n_edges = len(np.unique(edges.reshape(-1, 2), axis=0))
+    assert len(body.flat.uvs) + len(body.faces) - n_edges == 1
+
+
+def test_energies_are_those_of_singular_values():
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]]] * 3, dtype=float)
+    uvs = np.array(
+        [[[0, 0], [2, 0], [0, 0.5]], [[0, 0], [0, 1], [-1, 0]], [[0, 0], [0, 1], [1, 0]]]
+    )
+    assert face_energies(corners, uvs.astype(float)).tolist() == [2.125, 1.0, 1.0]
+
+
+def test_limbs_are_cut_off_where_they_are_narrow():
+    mesh = grid(lambda x, y: abs(x) < 0.2 or abs(y) < 0.2)  # a cross
+    surface = surface_of(mesh)
+    charts = cut_charts(mesh, surface, quality="fast")
+    opposite = surface.opposite(charts.solid)
+    whole = [piece for piece in pieces_of(surface, charts, opposite) if charts.n_charts == 1]
+    for piece in whole:
+        side = math.sqrt(piece.area)
+        weights = edge_weights(surface)
+        parts = divide_at_necks(piece, opposite, weights, least_gain=0.06, side=side)
+        assert len(parts) > 1
+        assert sum(part.waste for part in parts) < piece.waste
+        assert len(divide_at_necks(piece, opposite, weights, least_gain=99.0, side=side)) == 1
+
+
+def test_whole_bodies_cover_each_face_once_and_overlap_nowhere():
+    mesh = torus(40, 20)
+    surface = surface_of(mesh)
+    others = cut_charts(mesh, surface)
+    found = whole_bodies(surface, others)
+    assert found and found[0].n_charts < others.n_charts
+    for charts in found:
+        assert charts.solid.all()
+        corners, ids = charts.uvs[charts.faces], charts.chart_ids[charts.faces[:, 0]]
+        assert (signed_areas(corners) > 0.0).all()
+        for chart in range(charts.n_charts):
+            assert not find_overlaps(corners[ids == chart]).overlapping.any()
+
+
+@pytest.mark.parametrize("mesh", [icosphere(3), torus(24, 12)], ids=["sphere", "torus"])
+def test_best_costs_no_more_than_good(mesh):
+    costs = {}
+    for quality in ("good", "best"):
+        options = UnwrapOptions(quality=quality, size=128)
+        (atlas,) = make_atlas([mesh], options, Stages(None), seams=[None])
+        fill = float(signed_areas(atlas.corners).sum())
+        costs[quality] = layout_cost([mesh], [atlas.charts], fill)
+    assert costs["best"] <= costs["good"]

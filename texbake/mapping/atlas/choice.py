@@ -1,0 +1,150 @@
+"""What `best` chooses among: the charts of `good`, whole bodies, and few charts with some stretch.
+
+All are compared by one cost, so that `best` is never worse than `good` in all that counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from texbake.core import portable_math as pm
+from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
+from texbake.mapping.atlas.cutting.body import face_energies, flatten_body
+from texbake.mapping.atlas.cutting.parts import connected_parts, split_parts
+from texbake.mapping.atlas.cutting.repair import repair_charts
+from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.flatten import relax_charts
+from texbake.mapping.atlas.joining.necks import divide_at_necks
+from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of
+from texbake.mapping.atlas.joining.straighten import straighten_charts
+from texbake.mapping.corner_uvs import signed_areas, surface_areas
+from texbake.mapping.seams import seam_length
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.parallel import run_bands
+
+# A body has so many faces, and at least this share of the area of the mesh.
+_LEAST_FACES, _MOST_FACES, _LEAST_SHARE = 100, 100_000, 0.02
+# One that stretches more as one chart, as a share of the least energy, is left to other cuts.
+_MOST_ENERGY = 1.3
+# Empty area that cutting off a limb saves, in units of the length of the cut times the side of a
+# square as large as the mesh: what each candidate asks for.
+_GAINS = (0.25, 0.12, 0.06, 0.03)
+
+# See `layout_cost`.
+_OUTLINE, _ENERGY_POWER, _FILL_POWER, _CHARTS_POWER = 1.0, 8.0, 2.0, 0.125
+
+
+def layout_cost(meshes: Sequence[Mesh], all_charts: Sequence[Charts], fill: float) -> float:
+    """The cost that `best` keeps low: (seams + 1) · energy⁸ · charts^⅛ / fill².
+
+    Seams are measured in sides of a square as large as the surface, and the symmetric Dirichlet
+    energy in units of its least value.
+    """
+    seams = area = energy = 0.0
+    n_charts = 0
+    for mesh, charts in zip(meshes, all_charts, strict=True):
+        solid = charts.solid
+        corners = mesh.positions[mesh.faces[solid]]
+        areas = surface_areas(corners)
+        uvs = charts.uvs[charts.faces[solid]]
+        flat = float(np.abs(signed_areas(uvs)).sum())
+        if flat > 0.0:
+            uvs = uvs * math.sqrt(float(areas.sum()) / flat)
+        energy += float((face_energies(corners, uvs) * areas).sum())
+        area += float(areas.sum())
+        seams += seam_length(mesh.replace(uvs=charts.uvs, uv_faces=charts.faces), solid)
+        n_charts += charts.n_charts
+    if not (area > 0.0 and fill > 0.0):
+        return math.inf
+    cost = seams / math.sqrt(area) + _OUTLINE
+    cost *= float(pm.power(energy / area, _ENERGY_POWER) * pm.power(n_charts, _CHARTS_POWER))
+    return cost / float(pm.power(fill, _FILL_POWER))
+
+
+def whole_bodies(surface: ChartSurface, others: Charts) -> list[Charts]:
+    """Charts of whole bodies, whose limbs are cut off where that saves more and more empty area.
+
+    What is no body keeps the charts of `others`; the list is empty if there is no body.
+    """
+    corners, solid, opposite = surface.joints
+    weights = edge_weights(surface)
+    labels = np.where(solid & others.solid, connected_parts(opposite), -1)
+    areas = surface_areas(surface.points[corners])
+    least = _LEAST_SHARE * float(areas[labels >= 0].sum())
+    parts = [
+        part
+        for part in split_parts(opposite, labels)
+        if _LEAST_FACES <= len(part.face_ids) <= _MOST_FACES and areas[part.face_ids].sum() >= least
+    ]
+    found: list[Charts | None] = [None] * len(parts)
+
+    def lay(first: int, last: int) -> None:
+        for number in range(first, last):
+            part = parts[number]
+            laid = flatten_body(
+                surface.points[corners[part.face_ids]],
+                part.opposite,
+                weights[part.face_ids].ravel(),
+            )
+            if laid is not None and laid.flat.energy <= 4.0 * _MOST_ENERGY:
+                found[number] = laid.charts()
+
+    run_bands(lay, len(parts), band=1, threads=surface.threads)
+    pieces = [
+        (part.face_ids, charts)
+        for part, charts in zip(parts, found, strict=True)
+        if charts is not None
+    ]
+    if not pieces:
+        return []
+    charts = gather_charts(surface.faces, [*pieces, *_left_over(others, pieces)])
+    return _cut_off(surface, charts, weights)
+
+
+def _left_over(
+    charts: Charts, pieces: Sequence[tuple[IntArray, Charts]]
+) -> list[tuple[IntArray, Charts]]:
+    """The faces of charts that are in none of the pieces, with their charts."""
+    is_left = charts.solid
+    for face_ids, _ in pieces:
+        is_left[face_ids] = False
+    left = np.flatnonzero(is_left).astype(np.int32)
+    if not len(left):
+        return []
+    kept, faces = np.unique(charts.faces[left], return_inverse=True)
+    part = Charts(
+        uvs=charts.uvs[kept],
+        faces=faces.reshape(-1, 3).astype(np.int32),
+        chart_ids=np.unique(charts.chart_ids[kept], return_inverse=True)[1].astype(np.int32),
+    )
+    return [(left, part)]
+
+
+def _cut_off(surface: ChartSurface, charts: Charts, weights: FloatArray) -> list[Charts]:
+    """Charts without overlaps, with more and more limbs cut off."""
+    opposite = surface.opposite(charts.solid)
+    pieces = pieces_of(surface, charts, opposite)
+    side = math.sqrt(math.fsum(piece.area for piece in pieces))
+    found: list[Charts] = []
+    for gain in _GAINS:
+        n_before = len(pieces)
+        pieces = [
+            part
+            for piece in pieces
+            for part in divide_at_necks(piece, opposite, weights, least_gain=gain, side=side)
+        ]
+        if not found or len(pieces) > n_before:
+            relaxed = relax_charts(surface, charts_of(pieces, charts))
+            found.append(_repaired(surface, straighten_charts(surface, relaxed, weights)))
+    return found
+
+
+def _repaired(surface: ChartSurface, charts: Charts) -> Charts:
+    """Charts in which no face lies on another any more."""
+    solid = np.flatnonzero(charts.solid).astype(np.int32)
+    corners = surface.points[surface.faces[solid]]
+    repaired = repair_charts(corners, charts.faces[solid], charts.uvs, charts.chart_ids, even=False)
+    return charts if repaired is None else gather_charts(surface.faces, [(solid, repaired)])

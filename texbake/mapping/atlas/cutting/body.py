@@ -1,0 +1,316 @@
+"""Whole bodies: cut along a tree of seams and flattened as one chart, as a sculptor does.
+
+The tree reaches the extremities of a body, such as feet, hands and horns; handles are cut open
+first. Then darts follow, each from the place of most stretch to the nearest seam, as long as the
+stretch that it saves is worth its length.
+
+Based on: X. Gu, S. Gortler, H. Hoppe, "Geometry Images", 2002 (the cut grows to where the layout
+stretches most). A. Sheffer, J. Hart, "Seamster: Inconspicuous Low-Distortion Texture Seam Layout",
+2002 (a tree over extremities, by costs of edges). J. Erickson, K. Whittlesey, "Greedy Optimal
+Homotopy and Homology Generators", 2005 (short loops around handles).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import core, portable_math as pm
+from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.flatten import Flat, flatten
+from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.seams import merged_labels
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.topology import next_half_edges
+from texbake.records import dataclass
+
+# Ways to extremities are cut as long as they are at least this long, in sides of a square as large
+# as the body; darts are not shorter than this.
+_REACH, _LEAST_DART = 0.35, 0.05
+_MOST_WAYS, _MOST_DARTS = 64, 24
+_PATIENCE = 5  # darts that lower the cost no further, after which no more are tried
+
+# Cost of a body: its seams, and a constant for its outline, in sides of a square as large, times
+# its energy (1 at best) to this power.
+_OUTLINE, _POWER = 1.0, 8.0
+
+_MOST_HANDLES = 6  # of a body with more of them, the loops are longer than seams of many charts
+_ROOTS = 6  # vertices that loops are tried from
+
+_STEPS = 12  # of the layout after each dart
+_ROUGH, _FINE = 1e-3, 1e-5  # accuracies of layouts
+_SMOOTHINGS = 6  # rounds of averaging stretch over neighboring faces
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BodyLayout:
+    """A body flattened as one chart."""
+
+    faces: IntArray  # (m, 3) int32; indices into the coordinates
+    flat: Flat
+    cost: float
+
+    def charts(self) -> Charts:
+        """The one chart."""
+        n = len(self.flat.uvs)
+        return Charts(uvs=self.flat.uvs, faces=self.faces, chart_ids=np.zeros(n, dtype=np.int32))
+
+
+def flatten_body(points: FloatArray, opposite: IntArray, weights: FloatArray) -> BodyLayout | None:
+    """Flatten a connected surface as one chart, which may overlap itself; None if impossible.
+
+    `points` (m, 3, 3) float64: the corners of its faces; `opposite` (3 m,) int32: their half-edges;
+    `weights` (3 m,) float64: cost of a seam for each unit of its length, infinite for none.
+    """
+    body = _Body(points, opposite, weights)
+    if not body.has_seam and not _open_up(body):
+        return None
+    for _ in range(_MOST_WAYS):
+        if body.distances.max() < _REACH * body.side or not body.cut_to(body.farthest()):
+            break
+    rough = _best_darts(body)
+    if rough is None:
+        return None
+    return _finished(body, rough)
+
+
+class _Body:
+    """A connected surface, and the seams so far."""
+
+    def __init__(self, points: FloatArray, opposite: IntArray, weights: FloatArray) -> None:
+        edges = np.flatnonzero(opposite >= 0).astype(np.int32)
+        self.opposite = opposite
+        self.cut = opposite < 0
+        _, first, numbers = np.unique(self._corner_labels(), return_index=True, return_inverse=True)
+        self.points: FloatArray = points.reshape(-1, 3)[first]
+        self.corners = points
+        self.vertices = numbers.reshape(-1, 3).astype(np.int32)
+        self.tails, self.heads = self.vertices.ravel(), np.roll(self.vertices, -1, 1).ravel()
+        self.lengths = pm.norm(self.points[self.heads] - self.points[self.tails], axis=1)
+        self.areas = surface_areas(points)
+        self.area = float(self.areas.sum())
+        self.side = math.sqrt(self.area)
+        self.neighbors = np.where(
+            opposite >= 0, opposite // 3, np.arange(len(opposite)) // 3
+        ).reshape(-1, 3)
+        # Each edge between two faces leads both ways by its half-edges; one at a border by one.
+        half_edges = np.concatenate([edges, np.flatnonzero(self.cut)]).astype(np.int32)
+        back = np.flatnonzero(self.cut).astype(np.int32)
+        starts = np.concatenate([self.tails[half_edges], self.heads[back]])
+        ids = np.concatenate([half_edges, back])
+        order = np.argsort(starts, kind="stable")
+        self._ways = ids[order]
+        self._ends = np.concatenate([self.heads[half_edges], self.tails[back]])[order]
+        self._costs = (self.lengths * weights)[self._ways]
+        self._rows = np.searchsorted(starts[order], np.arange(len(self.points) + 1))
+        self.distances = np.full(len(self.points), np.inf)
+        self.before = np.full(len(self.points), -1, dtype=np.int32)
+        self._reach_from(np.unique(np.concatenate([self.tails[back], self.heads[back]])))
+
+    @property
+    def has_seam(self) -> bool:
+        return bool(self.cut.any())
+
+    @property
+    def seam_length(self) -> float:
+        """Length of the seams, without the border of the surface."""
+        return float(self.lengths[self.cut & (self.opposite >= 0)].sum()) / 2.0
+
+    def farthest(self) -> int:
+        """The vertex farthest from all seams."""
+        return int(np.where(np.isfinite(self.distances), self.distances, -1.0).argmax())
+
+    def distances_from(self, vertex: int) -> tuple[FloatArray, IntArray]:
+        """Distances of all vertices from one, and the vertex before each."""
+        distances = np.full(len(self.points), np.inf)
+        before = np.full(len(self.points), -1, dtype=np.int32)
+        self._find(np.array([vertex], dtype=np.int32), distances, before)
+        return distances, before
+
+    def cut_to(self, vertex: int) -> bool:
+        """Cut from the nearest seam to a vertex; return whether there is anything to cut."""
+        way = list(_way(self.before, vertex))
+        self.cut_along(way)
+        return len(way) > 1
+
+    def cut_along(self, way: list[int]) -> None:
+        """Cut the edges between consecutive vertices."""
+        for tail, head in pairwise(way):
+            row = slice(self._rows[tail], self._rows[tail + 1])
+            ids = self._ways[row][self._ends[row] == head]
+            ids = ids[self.opposite[ids] >= 0]
+            self.cut[ids] = self.cut[self.opposite[ids]] = True
+        self._reach_from(np.array(way))
+
+    def split_corners(self) -> tuple[IntArray, npt.NDArray[np.intp]]:
+        """(m, 3) int32: vertices on either side of a seam, numbered; and a corner of each."""
+        _, first, numbers = np.unique(self._corner_labels(), return_index=True, return_inverse=True)
+        return numbers.reshape(-1, 3).astype(np.int32), first
+
+    def _corner_labels(self) -> IntArray:
+        edges = np.flatnonzero(~self.cut).astype(np.int32)
+        across = self.opposite[edges]
+        return merged_labels(
+            len(self.cut),
+            np.concatenate([edges, next_half_edges(edges)]),
+            np.concatenate([next_half_edges(across), across]),
+        )
+
+    def _reach_from(self, sources: IntArray) -> None:
+        self._find(sources.astype(np.int32), self.distances, self.before)
+
+    def _find(self, sources: IntArray, distances: FloatArray, before: IntArray) -> None:
+        core.find_shortest_ways(self._rows, self._ends, self._costs, sources, distances, before)
+
+
+def _way(before: IntArray, vertex: int) -> Iterator[int]:
+    """Vertices from one to the source of its way."""
+    while vertex >= 0:
+        yield vertex
+        vertex = int(before[vertex])
+
+
+def _open_up(body: _Body) -> bool:
+    """Make the first cuts of a closed surface; return whether it can be a disk then."""
+    n_handles = (2 + len(body.lengths) // 2 - len(body.points) - len(body.vertices)) // 2
+    if n_handles > _MOST_HANDLES:
+        return False
+    if n_handles > 0:
+        for way in _loops(body):
+            body.cut_along(way)
+        return True
+    distances, _ = body.distances_from(0)
+    start = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
+    distances, before = body.distances_from(start)
+    end = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
+    way = list(_way(before, end))
+    body.cut_along(way)
+    return len(way) > 2
+
+
+def _loops(body: _Body) -> list[list[int]]:
+    """Ways that cut all handles open: loops through one vertex, the best of some."""
+    best: tuple[float, list[list[int]]] = (math.inf, [])
+    distances = np.full(len(body.points), np.inf)
+    root = 0
+    for _ in range(_ROOTS + 1):
+        found, before = body.distances_from(root)
+        ways = _loops_at(body, found, before)
+        steps = {tuple(sorted(pair)) for way in ways for pair in pairwise(way)}
+        pairs = np.array(sorted(steps), dtype=np.int64).reshape(-1, 2)
+        length = float(pm.norm(body.points[pairs[:, 0]] - body.points[pairs[:, 1]], axis=1).sum())
+        if length < best[0]:
+            best = length, ways
+        distances = np.minimum(distances, found)
+        root = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
+    return best[1]
+
+
+def _loops_at(body: _Body, distances: FloatArray, before: IntArray) -> list[list[int]]:
+    """Loops through the root of a tree of shortest ways, one for each edge outside of two trees."""
+    half_edges = np.flatnonzero(body.opposite > np.arange(len(body.opposite)))
+    tails, heads = body.tails[half_edges], body.heads[half_edges]
+    is_free = (before[tails] != heads) & (before[heads] != tails)
+    half_edges, tails, heads = half_edges[is_free], tails[is_free], heads[is_free]
+    lengths = distances[tails] + distances[heads] + body.lengths[half_edges]
+    # A tree of faces over the longest loops: what is left are the shortest that matter.
+    order = np.argsort(-lengths, kind="stable")
+    faces = np.stack([half_edges // 3, body.opposite[half_edges] // 3], axis=1)[order]
+    labels = list(range(len(body.vertices)))
+    left = []
+    for number, (one, other) in zip(order.tolist(), faces.tolist(), strict=True):
+        while labels[one] != one:
+            labels[one] = one = labels[labels[one]]
+        while labels[other] != other:
+            labels[other] = other = labels[labels[other]]
+        if one == other:
+            left.append(number)
+        labels[max(one, other)] = min(one, other)
+    return [
+        [*list(_way(before, int(tails[number])))[::-1], *_way(before, int(heads[number]))]
+        for number in left
+    ]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Rough:
+    """The seams of a body, its layout, and what it costs."""
+
+    cut: BoolArray
+    corner_uvs: FloatArray  # (m, 3, 2)
+    cost: float
+
+
+def _best_darts(body: _Body) -> _Rough | None:
+    """Cut darts as long as they pay; return the cheapest layout, which may overlap itself."""
+    best: _Rough | None = None
+    corner_uvs: FloatArray | None = None
+    n_worse = 0
+    for _ in range(_MOST_DARTS):
+        faces, first = body.split_corners()
+        points = body.corners.reshape(-1, 3)[first]
+        start = None if corner_uvs is None else corner_uvs.reshape(-1, 2)[first]
+        flat = flatten(points, faces, start, n_iterations=_STEPS, accuracy=_ROUGH)
+        if flat is None:
+            return best
+        corner_uvs = flat.uvs[faces]
+        cost = _cost(body, flat)
+        n_worse += 1
+        if best is None or cost < best.cost:
+            best, n_worse = _Rough(cut=body.cut.copy(), corner_uvs=corner_uvs, cost=cost), 0
+        if n_worse > _PATIENCE or not body.cut_to(_most_stretched(body, corner_uvs)):
+            return best
+    return best
+
+
+def _cost(body: _Body, flat: Flat) -> float:
+    return (body.seam_length / body.side + _OUTLINE) * float(pm.power(flat.energy / 4.0, _POWER))
+
+
+def _most_stretched(body: _Body, corner_uvs: FloatArray) -> int:
+    """The vertex that a dart should lead to; one on a seam if the rest is too near to seams."""
+    excess = (face_energies(body.corners, corner_uvs) - 1.0) * body.areas
+    areas = body.areas
+    for _ in range(_SMOOTHINGS):
+        excess = (excess + excess[body.neighbors].sum(axis=1)) / 4.0
+        areas = (areas + areas[body.neighbors].sum(axis=1)) / 4.0
+    distances = np.where(np.isfinite(body.distances), body.distances, 0.0)[body.vertices]
+    density = np.divide(excess, areas, out=np.zeros_like(excess), where=areas > 0.0)
+    gains = np.where(
+        distances.max(axis=1) >= _LEAST_DART * body.side, density * distances.mean(axis=1), 0.0
+    )
+    face = int(gains.argmax())
+    if gains[face] <= 0.0:
+        return int(body.vertices.ravel()[body.cut.argmax()])
+    return int(body.vertices[face][distances[face].argmax()])
+
+
+def face_energies(corners: FloatArray, uvs: FloatArray) -> FloatArray:
+    """(m,) float64: a quarter of the symmetric Dirichlet energy of each face, 1 at best."""
+    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    first = (edges[:, 0] ** 2).sum(axis=1)
+    dot, second = (edges[:, 0] * edges[:, 1]).sum(axis=1), (edges[:, 1] ** 2).sum(axis=1)
+    squares = first * second - dot**2  # of twice the area
+    a, b = uv_edges[:, 0], uv_edges[:, 1]
+    growth = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    sums = second * (a**2).sum(axis=1) - 2.0 * dot * (a * b).sum(axis=1)
+    sums += first * (b**2).sum(axis=1)
+    valid = (squares > 0.0) & (growth > 0.0)
+    energies = np.ones(len(corners))
+    np.divide(sums, 4.0 * squares, out=energies, where=valid)
+    inverse = np.zeros(len(corners))
+    np.divide(squares, growth**2, out=inverse, where=valid)
+    return np.where(valid, np.minimum(energies * (1.0 + inverse), 1e6), 1.0)
+
+
+def _finished(body: _Body, rough: _Rough) -> BodyLayout | None:
+    """Relax a layout fully."""
+    body.cut[:] = rough.cut
+    faces, first = body.split_corners()
+    points = body.corners.reshape(-1, 3)[first]
+    flat = flatten(points, faces, rough.corner_uvs.reshape(-1, 2)[first], accuracy=_FINE)
+    return None if flat is None else BodyLayout(faces=faces, flat=flat, cost=_cost(body, flat))

@@ -1,0 +1,224 @@
+"""Sprawling charts divided at their necks: where a short cut separates a limb from the rest.
+
+A chart with limbs leaves much of its convex hull empty, and limbs may come to lie on each other. Of
+the chords between two places of its outline, the one is cut that saves the most empty area for its
+length; or that brings the most overlapping faces apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from texbake.core import core, portable_math as pm
+from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH
+from texbake.mapping.atlas.joining.pieces import ChartPiece, LongArray, hull_area, parts_of
+from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.overlap import overlap_layers
+from texbake.mapping.seams import merged_labels
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.topology import edge_keys, opposite_half_edges
+from texbake.records import dataclass
+
+_PLACES = 64  # on an outline, that chords lead between
+_INNER = (0.2, 0.5, 0.8)  # points of a chord that must lie in the chart
+_LEAST_SHARE = 0.03  # of the area of a body that a limb has at least
+# Chords whose cut is tried for each division, and faces that are tried at most with them.
+_MOST_TRIED, _MOST_FACES = 8, 100_000
+_MOST_PARTS = 32
+_LEAST_OVERLAP = 1e-3  # of the area of the body; what overlaps less is left to be repaired
+
+
+def divide_at_necks(
+    piece: ChartPiece, opposite: IntArray, weights: FloatArray, *, least_gain: float, side: float
+) -> list[ChartPiece]:
+    """Divide a piece until it does not overlap and no neck gains enough.
+
+    `weights` (F, 3): cost of a seam for each unit of length; `least_gain`: empty area saved, in
+    units of the length of the cut times `side`.
+    """
+    done: list[ChartPiece] = []
+    left = [piece]
+    while left:
+        piece = left.pop()
+        parts: list[ChartPiece] = []
+        if len(done) + len(left) < _MOST_PARTS:
+            parts = _divided(piece, opposite, weights, least_gain, side)
+        if parts:
+            left += parts
+        else:
+            done.append(piece)
+    return done
+
+
+def _divided(
+    piece: ChartPiece, opposite: IntArray, weights: FloatArray, least_gain: float, side: float
+) -> list[ChartPiece]:
+    """Two or more parts of a piece; none if no cut is worth its length."""
+    loop = _outline(piece)
+    if loop is None:
+        return []
+    chords = _chords(piece, loop, _LEAST_SHARE * side**2)
+    graph = _PieceGraph(piece, weights)
+    n_tried = min(max(_MOST_FACES // len(piece.faces), 1), _MOST_TRIED)
+    overlap = _overlap(piece)
+    if overlap > _LEAST_OVERLAP * side**2:
+        order = np.argsort(chords.lengths / np.sqrt(chords.areas), kind="stable")[:n_tried]
+        tried = [
+            (sum(_overlap(part) for part in parts), length, parts)
+            for parts, length in _cuts(piece, opposite, graph, chords, order)
+        ]
+        gain, number = max(
+            (((overlap - left) / length, -i) for i, (left, length, _) in enumerate(tried)),
+            default=(0.0, 0),
+        )
+        if gain > 0.0:
+            return tried[-number][2]
+    gains = chords.saved / (chords.lengths * side)
+    order = np.argsort(-gains, kind="stable")
+    order = order[gains[order] >= least_gain][:n_tried]
+    for parts, length in _cuts(piece, opposite, graph, chords, order):
+        if piece.waste - sum(part.waste for part in parts) >= least_gain * length * side:
+            return parts
+    return []
+
+
+def _cuts(
+    piece: ChartPiece, opposite: IntArray, graph: _PieceGraph, chords: _Chords, order: LongArray
+) -> Iterator[tuple[list[ChartPiece], float]]:
+    """The parts on both sides of cuts along chords, and the lengths of these cuts."""
+    for number in order.tolist():
+        found = graph.sides(int(chords.starts[number]), int(chords.ends[number]))
+        if found is not None:
+            yield parts_of(piece, found[0], opposite), found[1]
+
+
+def _overlap(piece: ChartPiece) -> float:
+    """Area of the faces that lie on others."""
+    uvs = piece.uvs[piece.faces]
+    layers = overlap_layers(uvs, np.zeros(len(uvs), dtype=np.int32), depth=OVERLAP_DEPTH)
+    return float(surface_areas(piece.points[piece.faces])[layers > 0].sum())
+
+
+def _outline(piece: ChartPiece) -> IntArray | None:
+    """Vertices of the longest loop of the border, in its direction; None if loops touch."""
+    tails, heads = piece.border_ends.T
+    after = np.full(len(piece.points), -1, dtype=np.int64)
+    after[tails] = heads
+    if len(np.unique(tails)) < len(tails):
+        return None
+    labels = merged_labels(len(piece.points), tails.astype(np.int32), heads.astype(np.int32))
+    lengths = pm.norm(piece.uvs[heads] - piece.uvs[tails], axis=1)
+    longest = int(np.bincount(labels[tails], lengths).argmax())
+    start = int(tails[labels[tails] == longest].min())
+    return np.fromiter(_followed(after.tolist(), start), dtype=np.int32)
+
+
+def _followed(after: list[int], start: int) -> Iterator[int]:
+    yield start
+    at = after[start]
+    while at != start:
+        yield at
+        at = after[at]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Chords:
+    """Straight cuts through a chart between two vertices of its outline."""
+
+    starts: IntArray
+    ends: IntArray
+    lengths: FloatArray
+    areas: FloatArray  # of the smaller side
+    saved: FloatArray  # area of convex hulls that a cut saves
+
+
+def _chords(piece: ChartPiece, loop: IntArray, least_area: float) -> _Chords:
+    """Chords between places of the outline that stay in the chart, and what they separate."""
+    outline = piece.uvs[loop]
+    steps = pm.norm(np.roll(outline, -1, axis=0) - outline, axis=1)
+    along = np.cumsum(steps) - steps
+    wanted = np.arange(_PLACES) * (float(steps.sum()) / _PLACES)
+    at = np.unique(np.searchsorted(along, wanted))
+    at = at[at < len(loop)]
+    one, other = np.triu_indices(len(at), 2)
+    a, b = outline[at[one]], outline[at[other]]
+    crosses = outline[:, 0] * np.roll(outline[:, 1], -1) - outline[:, 1] * np.roll(
+        outline[:, 0], -1
+    )
+    sums = np.concatenate([[0.0], np.cumsum(crosses)])
+    areas = sums[at[other]] - sums[at[one]] + b[:, 0] * a[:, 1] - b[:, 1] * a[:, 0]
+    areas = np.minimum(areas / 2.0, piece.area - areas / 2.0)
+    lengths = pm.norm(b - a, axis=1)
+    kept = np.flatnonzero((areas >= least_area) & (lengths > 0.0) & (lengths**2 < 4.0 * areas))
+    kept = kept[_inside(outline, a[kept], b[kept])]
+    one, other = one[kept], other[kept]
+    whole = piece.hull_area
+    saved = [
+        whole
+        - hull_area(outline[at[i] : at[j] + 1])
+        - hull_area(np.concatenate([outline[at[j] :], outline[: at[i] + 1]]))
+        for i, j in zip(one.tolist(), other.tolist(), strict=True)
+    ]
+    return _Chords(
+        starts=loop[at[one]],
+        ends=loop[at[other]],
+        lengths=lengths[kept],
+        areas=areas[kept],
+        saved=np.array(saved, dtype=np.float64),
+    )
+
+
+def _inside(outline: FloatArray, starts: FloatArray, ends: FloatArray) -> BoolArray:
+    """Whether points between starts and ends (n, 2) lie within an outline (k, 2)."""
+    tails, heads = outline, np.roll(outline, -1, axis=0)
+    inside = np.ones(len(starts), dtype=bool)
+    for share in _INNER:
+        points = starts + share * (ends - starts)
+        x, y = points[:, :1], points[:, 1:]
+        rises = (tails[:, 1] <= y) & (heads[:, 1] > y)
+        falls = (tails[:, 1] > y) & (heads[:, 1] <= y)
+        left = (heads[:, 0] - tails[:, 0]) * (y - tails[:, 1]) - (x - tails[:, 0]) * (
+            heads[:, 1] - tails[:, 1]
+        )
+        inside &= (rises & (left > 0.0)).sum(axis=1) > (falls & (left < 0.0)).sum(axis=1)
+    return inside
+
+
+class _PieceGraph:
+    """The edges of a piece, for the shortest way between two vertices of its outline."""
+
+    def __init__(self, piece: ChartPiece, weights: FloatArray) -> None:
+        self._piece = piece
+        tails, heads = piece.faces.ravel(), np.roll(piece.faces, -1, axis=1).ravel()
+        lengths = pm.norm(piece.points[heads] - piece.points[tails], axis=1)
+        costs = lengths * weights[piece.face_ids].ravel()
+        starts = np.concatenate([tails, heads])
+        order = np.argsort(starts, kind="stable")
+        self._ends = np.concatenate([heads, tails])[order]
+        self._costs = np.concatenate([costs, costs])[order]
+        self._rows = np.searchsorted(starts[order], np.arange(len(piece.points) + 1))
+        self._keys = edge_keys(tails, heads)
+        self._opposite = opposite_half_edges(piece.faces)
+
+    def sides(self, start: int, end: int) -> tuple[BoolArray, float] | None:
+        """(m,) side of each face of the shortest way between two vertices, and its length."""
+        piece = self._piece
+        distances = np.full(len(piece.points), np.inf)
+        before = np.full(len(piece.points), -1, dtype=np.int32)
+        core.find_shortest_ways(
+            self._rows, self._ends, self._costs, np.array([end], np.int32), distances, before
+        )
+        way = [start]
+        while before[way[-1]] >= 0:
+            way.append(int(before[way[-1]]))
+        if way[-1] != end:
+            return None
+        steps = np.array(way)
+        is_cut = np.isin(self._keys, edge_keys(steps[:-1], steps[1:]))
+        edges = np.flatnonzero((self._opposite >= 0) & ~is_cut).astype(np.int32)
+        labels = merged_labels(len(piece.faces), edges // 3, self._opposite[edges] // 3)
+        sides = labels == labels[0]
+        length = float(pm.norm(piece.points[steps[1:]] - piece.points[steps[:-1]], axis=1).sum())
+        return None if sides.all() else (np.asarray(sides), length)
