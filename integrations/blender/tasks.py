@@ -282,7 +282,7 @@ def remesh(folder: Path, options: Options, mesh: list[Arrays]) -> None:
 def lighten(folder: Path, options: Options) -> None:
     """Make a glTF file of the scene lighter."""
     from texbake.jobs.lighten import lighten as lightened
-    from texbake.jobs.options import LightenOptions
+    from texbake.jobs.lighten_options import LightenOptions
 
     done = lightened(
         folder / "in.glb", folder / "out.glb", LightenOptions(images="png", views=0, **options),

@@ -100,7 +100,7 @@ def lighten(*models, out="lightened", faces=0, size=0):
 
     They get a tenth of their triangles unless `--faces` is given.
     """
-    from texbake.jobs.options import LightenOptions
+    from texbake.jobs.lighten_options import LightenOptions
     from texbake.verbs.whole_jobs import lighten_file
 
     folder = Path(out)

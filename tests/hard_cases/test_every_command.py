@@ -29,7 +29,7 @@ from invariance import (
 from results_of_commands import PLAIN, TEXTURED
 
 import texbake
-from texbake.jobs.options import LightenOptions
+from texbake.jobs.lighten_options import LightenOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.verbs.whole_jobs import lighten_file
 

@@ -8,9 +8,10 @@ import pytest
 
 from tests.character import character, posed
 from tests.glb import read_glb
-from texbake.errors import OptionError, ReadWarning, heard_warnings
+from texbake.errors import OptionError, ReadWarning, UvError, heard_warnings
+from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
-from texbake.jobs.options import LightenOptions, RunOptions
+from texbake.jobs.options import RunOptions
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
@@ -28,7 +29,7 @@ from texbake.mesh.shapes import uv_sphere
 from texbake.texture.image import decode_image, write_image
 from texbake.verbs.whole_jobs import lighten_file, run_files
 
-OPTIONS = LightenOptions(n_faces=600, size=256, images="png", views=0)
+OPTIONS = LightenOptions(n_faces=600, uvs="new", size=256, images="png", views=0)
 
 
 def picture(folder, name, pixels, components=(0, 1, 2)):
@@ -278,7 +279,7 @@ def test_pictures_of_both_are_compared(model, tmp_path):
 def test_a_lightened_character_moves_as_before(tmp_path):
     mesh, rig = character()
     write_glb(mesh, tmp_path / "a.glb", rig=rig)
-    options = replace(OPTIONS, n_faces=mesh.n_faces // 3)
+    options = replace(OPTIONS, n_faces=mesh.n_faces // 3, quantize=False)
     lighten_file(tmp_path / "a.glb", tmp_path / "b.glb", options)
     before, after = read_mesh(tmp_path / "a.glb"), read_mesh(tmp_path / "b.glb")
     assert after.uvs is not None and after.n_faces <= mesh.n_faces // 3
@@ -289,3 +290,72 @@ def test_a_lightened_character_moves_as_before(tmp_path):
     for share in (0.0, 0.25, 0.5, 0.75, 1.0):
         shapes = [m.replace(positions=posed(m, None, share)) for m in (before, after)]
         assert surface_distance(*shapes).max < 0.03
+
+
+KEPT = LightenOptions(n_faces=1500, uvs="keep", views=0)
+
+
+def atlas_of_balls(folder, *, overlap):
+    """Three balls as nodes, side by side in the texture or all at one place of it."""
+    ball = uv_sphere(24, 48)
+    parts = []
+    for i, name in enumerate(("body", "left", "right")):
+        uvs = ball.uvs if overlap else (ball.uvs * 0.9 + 0.05 + np.array([i, 0.0])) / [3.0, 1.0]
+        scale = 1.0 if i == 0 else 0.1
+        place = np.array([2.0 * i, 0.0, 0.0])
+        parts.append(ball.replace(positions=ball.positions * scale + place, uvs=uvs, name=name))
+    mesh = join_meshes(parts)
+    codes = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    codes = np.repeat(np.repeat(codes, 8, axis=0), 8, axis=1)
+    channels = {"base-color": ChannelSource((1.0, 1.0, 1.0), picture(folder, "paint.png", codes))}
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name="paint", channels=channels),),
+    )
+    write_glb(mesh, folder / "balls.glb", materials=materials)
+    return folder / "balls.glb"
+
+
+@pytest.mark.parametrize("overlap", [False, True])
+def test_coordinates_that_stay_keep_nodes_and_images_and_get_normals_where_they_are_an_atlas(
+    tmp_path, overlap
+):
+    model = atlas_of_balls(tmp_path, overlap=overlap)
+    source = read_mesh(model)
+    done = lighten_file(model, tmp_path / "light.glb", replace(KEPT, size=256))
+    low = read_mesh(tmp_path / "light.glb")
+    assert done.report.keeps_uvs
+    assert low.group_names == source.group_names == ("body", "left", "right")
+    (material,) = read_materials(tmp_path / "light.glb", low).materials
+    assert ("normal" in material.channels) is not overlap
+    image = material.channels["base-color"].image
+    assert decode_image(image.data, image.name, color=False).pixels.shape[:2] == (256, 256)
+    if not overlap:  # each ball still lies in its third of the texture
+        thirds = np.floor(3.0 * low.corner_uvs().mean(axis=1)[:, 0]).astype(int)
+        assert np.array_equal(thirds, low.face_groups)
+    # By their quadrics, a tenth of the size would keep 0.046 of the triangles.
+    counts = np.bincount(low.face_groups)
+    assert counts[1:].min() > 0.08 * counts[0]
+
+
+def test_auto_makes_new_coordinates_where_faces_overlap_and_one_node_if_asked(tmp_path):
+    model = atlas_of_balls(tmp_path, overlap=True)
+    options = replace(KEPT, uvs="auto", size=128, join=True)
+    done = lighten_file(model, tmp_path / "light.glb", options)
+    assert not done.report.keeps_uvs
+    assert len(read_glb(tmp_path / "light.glb")[0]["nodes"]) == 1
+    whole = lighten_file(model, tmp_path / "light.glb", replace(options, n_faces=10**6))
+    assert whole.report.keeps_uvs and whole.report.simplified is None
+
+
+def test_coordinates_cannot_stay_where_no_image_lies_on_them(tmp_path):
+    write_glb(uv_sphere(24, 48), tmp_path / "plain.glb")
+    with pytest.raises(OptionError, match=r"^uvs: plain\.glb has no images .*; use new$"):
+        lighten_file(tmp_path / "plain.glb", tmp_path / "light.glb", KEPT)
+
+
+def test_a_texture_too_small_for_the_charts_names_the_size_that_does(tmp_path):
+    model = atlas_of_balls(tmp_path, overlap=True)
+    options = replace(KEPT, uvs="new", size=16)
+    with pytest.raises(UvError, match="at 16 x 16; use `size` "):
+        lighten_file(model, tmp_path / "light.glb", options)

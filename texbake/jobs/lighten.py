@@ -12,42 +12,27 @@ from typing import Any
 
 import numpy as np
 
-from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
-from texbake.baking.result import check_texels
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike, written_file
-from texbake.jobs.fit import with_diagnosis
-from texbake.jobs.low_poly import LowPoly, LowPolyMaker
-from texbake.jobs.material_transfer import (
-    compared_without,
-    encoded_channels,
-    left_out,
-    shared_materials,
-    texture_size,
-    transferred_channels,
-)
-from texbake.jobs.options import LEAST_FACES, LEAST_SIZE, MOST_SIZE, SHARE, LightenOptions
+from texbake.jobs.light_images import Picture, coded, coded_pictures, with_files
+from texbake.jobs.light_models import LightModel, Source
+from texbake.jobs.lighten_options import LightenOptions
+from texbake.jobs.material_transfer import compared_without, left_out
 from texbake.jobs.outputs import JobResult, present_paths
-from texbake.mapping.options import UnwrapOptions
-from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
+from texbake.mapping.unwrap import UnwrapReport
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.contents import model_bytes
+from texbake.mesh.files.gltf_compression import require_compression
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.hard_edges import LowNormals
-from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
+from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.objects import joined_objects, without_borders
-from texbake.mesh.poses import with_poses
-from texbake.mesh.rig import Rig, read_rig
+from texbake.mesh.rig import read_rig
 from texbake.mesh.simplify import SimplifyReport
-from texbake.mesh.triangle_tree import with_nearest_motion
 from texbake.progress import Progress, StageRecord, Stages
-from texbake.raycast.orientation import oriented
 from texbake.records import dataclass
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
-from texbake.schema import Size
 from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
@@ -66,9 +51,11 @@ class LightenReport:
     n_faces: int
     n_bytes_before: int  # of the files: of the model with its buffers and images, and of the result
     n_bytes: int
+    keeps_uvs: bool  # whether the texture coordinates are those of the model
     n_materials_before: int
     n_materials: int
-    size: tuple[int, int] | None  # width and height of the images; None without any
+    # width and height of the images that were baked; None without any
+    size: tuple[int, int] | None
     images: tuple[str, ...]  # names of the images in the result
     simplified: SimplifyReport | None  # None if the model had few enough triangles
     unwrapped: UnwrapReport | None
@@ -88,6 +75,7 @@ class LightenReport:
                 f"{self.n_bytes_before:,} bytes to {self.n_bytes:,}, "
                 f"{100.0 * self.n_bytes / max(self.n_bytes_before, 1):.1f} %",
             ),
+            ("texture coordinates", "of the model" if self.keeps_uvs else "new"),
             ("images", ", ".join(self.images) or "none"),
         ]
         if self.size is not None:
@@ -113,6 +101,7 @@ class LightenReport:
         plain = ("n_faces", "n_bytes", "n_materials")
         return {
             **{name: getattr(self, name) for name in (*(f"{n}_before" for n in plain), *plain)},
+            "keeps_uvs": self.keeps_uvs,
             "size": None if self.size is None else list(self.size),
             "images": list(self.images),
             "simplify": None if self.simplified is None else self.simplified.to_json(),
@@ -148,23 +137,21 @@ def lighten(
         raise FileFormatError(f"{output}: a lightened model is one file with its images; use .glb")
     if html is not None and options.views == 0:
         raise OptionError("html, views: the page shows the views; ask for one view or more")
+    if options.compress:
+        require_compression()
     stages = Stages()
     with stages.part("read"), parsed_once():
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
         rig = read_rig(model)
-    light_model = _lightened(source, materials, rig, options, stages, progress)
-    rig = rig if rig is not None and rig.fits(light_model.mesh) else None
+    whole = Source(source, materials, rig, options, stages, progress)
+    light_model = whole.lightened(whole.n_faces)
+    if rig is not None and (options.join or not rig.fits(light_model.mesh)):
+        rig = None
     warnings = [] if rig is not None else [*left_out(model)]
+    with stages.part("encode images"):
+        written = _coded(light_model, options)
     with stages.part("write"):
-        written = shared_materials(
-            light_model.mesh,
-            source,
-            materials,
-            light_model.channels,
-            Path(output).stem,
-            threads=options.threads,
-        )
         write_glb(
             light_model.mesh,
             output,
@@ -188,10 +175,11 @@ def lighten(
         n_faces=light_model.mesh.n_faces,
         n_bytes_before=model_bytes(model, _images(materials)),
         n_bytes=written_file(output).stat().st_size,
+        keeps_uvs=light_model.keeps_uvs,
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
         size=light_model.size,
-        images=light_model.images,
+        images=_image_names(written),
         simplified=light_model.simplified,
         unwrapped=light_model.unwrapped,
         baked=light_model.baked,
@@ -204,6 +192,26 @@ def lighten(
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done
+
+
+def _coded(light_model: LightModel, options: LightenOptions) -> Materials:
+    """Return the materials of a model with the files of their images."""
+    side = max(options.sides)
+
+    def code(picture: Picture) -> bytes:
+        return coded(picture, options.images, quality=options.image_quality, side=side)
+
+    files = coded_pictures(light_model.pictures, code, threads=options.threads)
+    return with_files(light_model.materials, files)
+
+
+def _image_names(materials: Materials) -> tuple[str, ...]:
+    sources = (source for each in materials.materials for source in each.channels.values())
+    return tuple(
+        dict.fromkeys(
+            found.image.name.rpartition(": ")[2] for found in sources if found.image is not None
+        )
+    )
 
 
 def _images(materials: Materials) -> Iterable[bytes]:
@@ -241,100 +249,3 @@ def _materials(model: PathLike, mesh: Mesh) -> Materials:
         face_materials=np.zeros(mesh.n_faces, np.int32),
         materials=(MeshMaterial(name=mesh.name),),
     )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Lightened:
-    """A mesh with its channels, and what was done."""
-
-    mesh: Mesh
-    channels: dict[str, ChannelSource]
-    simplified: SimplifyReport | None
-    warnings: tuple[str, ...]
-    size: tuple[int, int] | None = None
-    unwrapped: UnwrapReport | None = None
-    baked: BakeReport | None = None
-
-    @property
-    def images(self) -> tuple[str, ...]:
-        """Names of the images."""
-        sources = self.channels.values()
-        return tuple(dict.fromkeys(s.image.name for s in sources if s.image is not None))
-
-
-def _lightened(
-    source: Mesh,
-    materials: Materials,
-    rig: Rig | None,
-    options: LightenOptions,
-    stages: Stages,
-    progress: Progress,
-) -> _Lightened:
-    with stages.part("simplify"):
-        source = with_poses(source, rig)
-        source = joined_objects(source) if options.join_objects else source
-        high, turned = oriented(source, options.orientation, threads=options.threads)
-        rule = LowNormals(options.normals, options.angle)
-        high = rule.of_high(high, threads=options.threads)
-        low, low_poly = _simplified(high, options, rule, progress)
-        low = rule.before_unwrap(low)
-    simplified = None if low_poly is None else low_poly.report
-    maps = transferred_channels(materials)
-    if simplified is not None or any(materials.sources("normal")):
-        maps = ("normal", *maps)
-    warnings = (
-        *turned.notes,
-        *(() if low_poly is None else (*low_poly.why, *low_poly.report.notes)),
-    )
-    if not maps:  # the shape is as it was, and every channel is one number
-        channels = encoded_channels({}, materials, "")
-        return _Lightened(mesh=low, channels=channels, simplified=simplified, warnings=warnings)
-    size: Size = options.size or texture_size(materials, LEAST_SIZE, MOST_SIZE)
-    with stages.part("unwrap"):
-        atlas = UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True)
-        low, unwrapped = unwrap_with_report(low, options=atlas, progress=progress)
-        low = rule.after_unwrap(low)
-    with stages.part("bake"):
-        chosen = options.bake_options(maps, size, unwrapped.options.padding)
-        chosen = chosen if low_poly is None else low_poly.aimed(chosen)
-        baked = bake_objects(high, low, chosen, materials=materials, progress=progress)
-        if chosen.front is None:  # otherwise they miss what fills the tunnels
-            baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
-        check_texels(low, baked)
-    with stages.part("encode images"):
-        channels = encoded_channels(
-            baked.maps,
-            materials,
-            Path(source.name).stem,
-            encoding=options.images,
-            quality=options.image_quality,
-            threads=options.threads,
-        )
-    return _Lightened(
-        mesh=low,
-        channels=channels,
-        simplified=simplified,
-        warnings=(*warnings, *baked.report.warnings),
-        size=(chosen.width_px, chosen.height_px),
-        unwrapped=unwrapped,
-        baked=baked.report,
-    )
-
-
-def _simplified(
-    high: Mesh, options: LightenOptions, rule: LowNormals, progress: Progress
-) -> tuple[Mesh, LowPoly | None]:
-    """Return the mesh that gets the maps; and how it was made, if it has fewer triangles."""
-    n_faces = options.n_faces
-    if n_faces is None:
-        n_faces = max(round(SHARE * high.n_faces), LEAST_FACES)
-    # Of the attributes only hard edges and objects matter: all others are baked.
-    bare = without_borders(high).replace(uvs=None, uv_faces=None, tangents=None, colors=None)
-    if options.remesh != "always" and high.n_faces <= n_faces:
-        return bare, None
-    maker = LowPolyMaker(
-        high=bare, rule=rule, n_faces=n_faces, quality=options.quality, threads=options.threads,
-        progress=progress,
-    )  # fmt: skip
-    low_poly = maker.make(options.remesh, must_reach=options.n_faces is not None)
-    return with_nearest_motion(low_poly.mesh, high, options.threads), low_poly

@@ -14,6 +14,7 @@ from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_visible_normals
 from texbake.mesh.options import AUTO, CLOSED
+from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simplify_with_report
 from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
@@ -55,7 +56,8 @@ class LowPoly:
         return replace(options, max_reach=self.reach)
 
 
-def _reaching(low: Mesh, report: SimplifyReport) -> LowPoly:
+def reaching(low: Mesh, report: SimplifyReport) -> LowPoly:
+    """Return a low-poly mesh whose rays reach as far as it needs."""
     apart = report.distance
     reach = max(_SLANT * apart.b_to_a.max, _LEAST_REACH * apart.diagonal)
     return LowPoly(mesh=low, report=report, reach=reach)
@@ -71,6 +73,7 @@ class LowPolyMaker:
     error: str | float | None = None
     quality: str
     seams: str = "auto"
+    by_parts: bool = False  # whether small parts keep their share of the triangles
     threads: int | None = None
     progress: Progress = None
 
@@ -100,7 +103,7 @@ class LowPolyMaker:
         report = replace(report, notes=notes)
         level = self.rule.after_unwrap(self.rule.before_unwrap(level))
         level = with_visible_normals(level, threads=self.threads)
-        made = _reaching(level, measured_to(report, self.high, level, threads=self.threads))
+        made = reaching(level, measured_to(report, self.high, level, threads=self.threads))
         return replace(made, ray_distance=finest.ray_distance)
 
     def _simplify_or_wrap(self) -> LowPoly:
@@ -134,10 +137,14 @@ class LowPolyMaker:
             threads=self.threads,
             progress=self.progress,
         )
-        return _reaching(low, report)
+        return reaching(low, report)
 
     def _simplify_high(self) -> LowPoly:
-        return self._simplify(self.high, self.quality)
+        if not self.by_parts:
+            return self._simplify(self.high, self.quality)
+        enlarged = EnlargedParts.of(self.high, threads=self.threads)
+        low = replace(self, high=enlarged.mesh, by_parts=False)._simplify_high()
+        return reaching(*enlarged.restored(low.mesh, low.report, threads=self.threads))
 
     def _simplify_wraps(self, reason: Reason | None) -> list[LowPoly]:
         """Make one mesh of each wrap."""

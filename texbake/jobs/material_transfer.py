@@ -7,7 +7,7 @@ from one image share one: occlusion, roughness and metallic; base color and alph
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, quantize_unsigned
-from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
+from texbake.texture.image_files import encode_image
 
 Float32Array = npt.NDArray[np.float32]
 
@@ -142,12 +142,15 @@ def encoded_channels(
     materials: Materials,
     name: str,
     *,
-    encoding: str = "png",
-    quality: int = 90,
+    encode: Callable[[str, npt.NDArray[np.uint8], bool], bytes] | None = None,
     threads: int | None = None,
     whole: Iterable[str] = (),
 ) -> dict[str, ChannelSource]:
-    """Channels for a mesh from baked maps; `whole` images also hold constant channels."""
+    """Channels for a mesh from baked maps; `whole` images also hold constant channels.
+
+    `encode` makes the file of an image, from its name without a suffix, its codes and whether they
+    are colors; by default, a PNG file.
+    """
     sources: dict[str, ChannelSource] = {}
     for channel in _set_channels(materials):
         constant = constant_source(materials, channel)
@@ -169,16 +172,17 @@ def encoded_channels(
         pictures.append(_Picture("normal", codes, False, (("normal", 0, 1.0),)))
     files: list[bytes] = [b""] * len(pictures)
 
-    def encode(start: int, stop: int) -> None:
+    def work(start: int, stop: int) -> None:
         for i in range(start, stop):
             picture = pictures[i]
-            files[i] = encode_image(
-                picture.codes, encoding, quality=quality, is_color=picture.is_color
-            )
+            if encode is None:
+                files[i] = encode_image(picture.codes, "png", is_color=picture.is_color)
+            else:
+                files[i] = encode(f"{name}_{picture.name}", picture.codes, picture.is_color)
 
-    run_bands(encode, len(pictures), band=1, threads=threads)
+    run_bands(work, len(pictures), band=1, threads=threads if encode is None else 1)
+    suffix = ".png" if encode is None else ""
     for picture, data in zip(pictures, files, strict=True):
-        suffix = ENCODINGS[encoding_of(picture.codes, encoding)]
         for channel, first, factor in picture.channels:
             width = len(CHANNELS[channel].default)
             image = ChannelImage(

@@ -1,4 +1,4 @@
-"""Every option of `run`, the demo and `lighten`, with its default."""
+"""Every option of `run` and the demo, with its default."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from texbake.mesh.options import (
     JOIN_OBJECTS_OPTION,
     LOW_NORMALS_OPTION,
     MIN_FACES,
-    ORIENTATION_OPTION,
     REMESH_OPTION,
     SimplifyOptions,
     check_angle,
@@ -304,90 +303,5 @@ class DemoOptions(CheckedOptions):
             view=(30.0, 32.0),  # down on the stem
             base_color=(0.94, 0.55, 0.16),
             compare="full",
-            threads=self.threads,
-        )
-
-
-LEAST_SIZE, MOST_SIZE = 1024, 2048
-ENCODINGS = ("webp", "jpeg", "png")
-# Of the triangles, where no number is given, and how many at least: 5,000 compressed triangles take
-# less than an image of 1024 x 1024 texels does.
-SHARE, LEAST_FACES = 0.1, 5000
-
-
-@dataclass(frozen=True, kw_only=True)
-class LightenOptions(CheckedOptions):
-    """How `lighten` makes a model smaller.
-
-    Its faces are neither flipped nor wrapped in a closed surface unless asked for: the
-    author of a textured model has seen it as it is.
-    """
-
-    n_faces: int | None = option(
-        None,
-        "Number of triangles to reach. With no fewer than the model has, only its maps and "
-        "texture coordinates are made again.",
-        metavar="N",
-        low=MIN_FACES,
-        flag="--faces",
-        default=f"a tenth, and {LEAST_FACES} at least",
-    )
-    quality: Annotated[str, option_of(SimplifyOptions, "quality")] = "best"
-    remesh: Annotated[str, REMESH_OPTION] = "never"
-    join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
-    orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
-    normals: Annotated[str, LOW_NORMALS_OPTION] = "auto"
-    angle: Annotated[float, ANGLE_OPTION] = DEFAULT_ANGLE
-    size: Annotated[
-        Size | None,
-        replace(
-            option_of(BakeOptions, "size"),
-            default=f"what the images of the model need, {LEAST_SIZE} to {MOST_SIZE}",
-        ),
-    ] = None
-    padding: Annotated[int | None, replace(PADDING_OPTION, default=PADDING_DEFAULT)] = None
-    samples: Annotated[int | str, option_of(BakeOptions, "samples")] = 4
-    images: str = option(
-        "webp",
-        "Format of the images. Programs need the extension EXT_texture_webp for webp; every "
-        "program reads jpeg and png.",
-        choices=ENCODINGS,
-    )
-    image_quality: int = option(
-        90, "Quality of webp and jpeg images.", metavar="N", low=1, high=100
-    )
-    compress: bool = option(
-        False,
-        "Compress vertices and triangles by EXT_meshopt_compression.",
-        flag="--compress/--no-compress",
-    )
-    quantize: bool | None = option(
-        None,
-        "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization).",
-        flag="--quantize/--no-quantize",
-        default="with --compress",
-    )
-    views: int = option(
-        12,
-        "Number of views in which the result is compared with the model; 0 for none.",
-        metavar="N",
-        low=0,
-    )
-    threads: Annotated[int | None, THREADS_OPTION] = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_angle(self.normals, self.angle)
-
-    def bake_options(self, maps: tuple[str, ...], size: Size, padding: int | None) -> BakeOptions:
-        """Return options for the bake, with the padding of the atlas."""
-        return BakeOptions(
-            maps=maps,
-            size=size,
-            padding=padding or 0,
-            samples=self.samples,
-            fill="push-pull",
-            on_miss="closest",
-            orientation="keep",
             threads=self.threads,
         )

@@ -121,6 +121,11 @@ class MeshMaterial:
     is_double_sided: bool = False
     is_unlit: bool = False  # shown in its base color, whatever the light
 
+    @property
+    def has_images(self) -> bool:
+        """Whether any channel is read from an image."""
+        return any(source.image is not None for source in self.channels.values())
+
     def on_uv_sets(self, uv_sets: Collection[int]) -> MeshMaterial:
         """Return the material without the images that lie on other texture coordinates."""
         channels = {}

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
+from texbake.mesh.normals import face_normals, shading_normals
 from texbake.mesh.objects import face_objects, object_groups
 from texbake.mesh.weld import without_copies
 from texbake.parallel import run_bands
@@ -214,3 +215,34 @@ def with_nearest_motion(mesh: Mesh, source: Mesh, threads: int | None = None) ->
     tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
     _, nearest, weights = tree.closest_points(frame.to_local(mesh.positions), threads=threads)
     return mesh.replace(deformation=source.deformation.mixed(source.faces[nearest], weights))
+
+
+# Points at which corners take their normals lie this far towards the middle of their face, so that
+# the two sides of a hard edge stay apart.
+_INWARDS = 1.0 / 64.0
+# Cosine between a face and a normal of the source that is not one of another layer.
+_ALIKE = 0.2
+
+
+def with_source_normals(mesh: Mesh, source: Mesh, *, threads: int | None = None) -> Mesh:
+    """Give a simplified mesh the normals of the surface that it was made from, where they fit.
+
+    What is one normal of the mesh stays one: the mean of those that its corners find.
+    """
+    normals, rows = shading_normals(mesh, threads=threads)
+    of_source, source_rows = shading_normals(source, threads=threads)
+    frame = LocalFrame.around(source)
+    tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
+    corners = frame.to_local(mesh.positions)[mesh.faces]
+    points = corners + (corners.mean(axis=1, keepdims=True) - corners) * _INWARDS
+    _, nearest, weights = tree.closest_points(points.reshape(-1, 3), threads=threads)
+    found = pm.vecmat(weights, of_source[source_rows[nearest]])
+    found /= np.maximum(pm.norm(found, axis=1, keepdims=True), 1e-12)
+    sides = np.repeat(face_normals(mesh, threads=threads), 3, axis=0)
+    fits = pm.vecdot(found, sides) > _ALIKE
+    sums = np.zeros_like(normals)
+    np.add.at(sums, rows.ravel()[fits], found[fits])
+    lengths = pm.norm(sums, axis=1, keepdims=True)
+    # 0.5: those of fewer than one normal, or of several that point apart.
+    new = np.where(lengths > 0.5, sums / np.maximum(lengths, 1e-12), normals)
+    return mesh.replace(normals=new, normal_faces=rows, tangents=None)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 from texbake.baking.memory import PROCESS, bake_memory
 from texbake.errors import OptionError
 from texbake.files import PathLike
-from texbake.jobs.options import DEMO_FOLDER, DemoOptions, LightenOptions, RunOptions, with_levels
+from texbake.jobs.lighten_options import LightenOptions
+from texbake.jobs.options import DEMO_FOLDER, DemoOptions, RunOptions, with_levels
 from texbake.records import dataclass
 from texbake.schema import option, option_of
 from texbake.verbs.step import (

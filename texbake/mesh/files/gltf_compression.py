@@ -109,6 +109,11 @@ def decode_view(
     return np.frombuffer(rows.tobytes()[: count * stride], np.uint8)
 
 
+def require_compression() -> None:
+    """Raise where the library that compresses is missing."""
+    _library()
+
+
 def _library() -> Any:
     return require_library("meshoptimizer", "glTF", '"texbake[meshoptimizer]"')
 

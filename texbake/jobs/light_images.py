@@ -1,0 +1,179 @@
+"""Images of a lightened model, coded anew at a side and a quality each.
+
+Without a quality, an image gets the lowest one that leaves it 40 dB, and a file that is smaller
+than the new one stays as it is.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.core import portable_math as pm
+from texbake.errors import require_library
+from texbake.mesh.files.conversion import media_type
+from texbake.mesh.materials import CHANNELS, ChannelImage, Materials
+from texbake.parallel import run_bands
+from texbake.records import dataclass
+from texbake.texture.encoding import decode_srgb, quantize_srgb, quantize_unsigned
+from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
+from texbake.texture.material_images import image_codes
+from texbake.texture.pack import resized
+
+Codes = npt.NDArray[np.uint8]
+
+LEAST_DB = 40.0
+_QUALITIES = (30, 45, 60, 70, 80, 85, 90)
+# Media types that programs read where they read the encoding.
+_READ_WITH = {
+    "webp": ("image/webp", "image/jpeg", "image/png"),
+    "jpeg": ("image/jpeg", "image/png"),
+    "png": ("image/jpeg", "image/png"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """An image of a model before it is coded."""
+
+    name: str  # as in `ChannelImage`
+    codes: Codes  # (H, W, 3 or 4)
+    is_color: bool  # whether red, green and blue are coded in sRGB
+    file: bytes = field(default=b"", repr=False)  # that it comes from, if it comes from one
+    _smaller: dict[int, Codes] = field(default_factory=dict, repr=False)
+
+    @property
+    def side(self) -> int:
+        """The longer side in pixels."""
+        return int(max(self.codes.shape[:2]))
+
+    def at_side(self, side: int) -> Codes:
+        """Return the codes with a longer side of at most `side` pixels."""
+        if side >= self.side:
+            return self.codes
+        if side not in self._smaller:
+            height, width = (max(1, n * side // self.side) for n in self.codes.shape[:2])
+            values = self.codes.astype(np.float32) / np.float32(255.0)
+            if self.is_color:
+                values[..., :3] = decode_srgb(values[..., :3])
+                small = quantize_srgb(resized(values, width, height), 8, n_colors=3)
+            else:
+                small = quantize_unsigned(resized(values, width, height), 8)
+            self._smaller[side] = np.asarray(small, np.uint8)
+        return self._smaller[side]
+
+
+def psnr(one: Codes, other: Codes) -> float:
+    """PSNR of 8-bit codes in dB; infinite for equal ones."""
+    total = int(((one.astype(np.int32) - other) ** 2).sum())
+    return math.inf if total == 0 else 10.0 * pm.log10(255.0**2 * one.size / total)
+
+
+def decoded(data: bytes, n_components: int) -> Codes:
+    """(H, W, n) codes of an image file that `encode_image` wrote."""
+    image = require_library("PIL.Image", "images")
+    with image.open(io.BytesIO(data)) as opened:
+        return np.asarray(opened.convert("RGBA" if n_components == 4 else "RGB"), np.uint8)
+
+
+def coded(picture: Picture, encoding: str, *, quality: int | None, side: int) -> bytes:
+    """Bytes of a picture at a side; of the lowest quality that leaves 40 dB if there is none."""
+    codes = picture.at_side(side)
+
+    def encode(chosen: int) -> bytes:
+        return encode_image(codes, encoding, quality=chosen, is_color=picture.is_color)
+
+    if quality is not None or encoding_of(codes, encoding) == "png":
+        data = encode(_QUALITIES[-1] if quality is None else quality)
+    else:
+        data = _of_least_quality(codes, encode)
+    is_kept = side >= picture.side and media_type(picture.file) in _READ_WITH[encoding]
+    return picture.file if is_kept and len(picture.file) <= len(data) else data
+
+
+def _of_least_quality(codes: Codes, encode: Callable[[int], bytes]) -> bytes:
+    first, last = 0, len(_QUALITIES) - 1
+    found: dict[int, bytes] = {}
+    while first < last:
+        middle = (first + last) // 2
+        found[middle] = encode(_QUALITIES[middle])
+        if psnr(decoded(found[middle], codes.shape[2]), codes) >= LEAST_DB:
+            last = middle
+        else:
+            first = middle + 1
+    return found[last] if last in found else encode(_QUALITIES[last])
+
+
+def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Picture, ...]:
+    """Return the images of materials, arranged as glTF reads them, each once."""
+    found: dict[str, Picture] = {}
+    for material in materials.materials:
+        for channel, source in material.channels.items():
+            image = source.image
+            if image is None or image.name in found:
+                continue
+            is_color = CHANNELS[channel].is_color or channel == "alpha"
+            pixels, _ = image_codes(image, is_color=is_color, threads=threads)
+            codes = quantize_unsigned(_with_colors(pixels), 8, threads=threads)
+            found[image.name] = Picture(
+                image.name, np.asarray(codes, np.uint8), is_color, image.data
+            )
+    return tuple(found.values())
+
+
+def _with_colors(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """(H, W, 3 or 4): the pixels of a gray image in all colors; alpha only where any is not 1."""
+    n = pixels.shape[2]
+    if n < 3:
+        alpha = pixels[..., 1:]
+        pixels = np.concatenate([np.repeat(pixels[..., :1], 3, axis=2), alpha], axis=2)
+    return pixels[..., :3] if pixels.shape[2] == 4 and pixels[..., 3].min() == 1.0 else pixels
+
+
+def coded_pictures(
+    pictures: Iterable[Picture], code: Callable[[Picture], bytes], *, threads: int | None = None
+) -> dict[str, bytes]:
+    """Code pictures, several at a time; return the files by the names of the images."""
+    pictures = list(pictures)
+    files = [b""] * len(pictures)
+
+    def work(start: int, stop: int) -> None:
+        for i in range(start, stop):
+            files[i] = code(pictures[i])
+
+    run_bands(work, len(pictures), band=1, threads=threads)
+    return {picture.name: data for picture, data in zip(pictures, files, strict=True)}
+
+
+def with_files(materials: Materials, files: Mapping[str, bytes]) -> Materials:
+    """Return materials whose images have other files, by the names of the images."""
+
+    def changed(image: ChannelImage) -> ChannelImage:
+        if image.name not in files:
+            return image
+        data = files[image.name]
+        suffix = next((s for s in ENCODINGS.values() if s == _SUFFIXES.get(media_type(data))), "")
+        stem = Path(image.name)
+        name = f"{stem.stem if stem.suffix in _KNOWN else image.name}{suffix}"
+        return replace(image, data=data, name=name)
+
+    items = []
+    for material in materials.materials:
+        channels = {
+            name: replace(source, image=changed(source.image)) if source.image else source
+            for name, source in material.channels.items()
+        }
+        items.append(replace(material, channels=channels))
+    return replace(materials, materials=tuple(items))
+
+
+_SUFFIXES: dict[str | None, str] = {
+    "image/webp": ".webp", "image/jpeg": ".jpg", "image/png": ".png",
+}  # fmt: skip
+_KNOWN = (*ENCODINGS.values(), ".jpeg")

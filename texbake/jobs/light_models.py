@@ -1,0 +1,328 @@
+"""The mesh and the materials of a lightened model, before its images are coded.
+
+Either the mesh keeps its texture coordinates, and each material its images; or it is unwrapped once
+more, and every channel is baked into one set of images.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.errors import OptionError
+from texbake.jobs.light_images import Picture, pictures_of
+from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, LightenOptions
+from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
+from texbake.mapping.corner_uvs import signed_areas
+from texbake.mapping.options import DEFAULT_PADDING
+from texbake.mapping.overlap import find_overlaps, layout_notes
+from texbake.mesh.hard_edges import LowNormals, with_normals
+from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.objects import joined_objects, object_names, without_borders
+from texbake.mesh.part_sizes import EnlargedParts
+from texbake.mesh.poses import with_poses
+from texbake.mesh.rig import Rig
+from texbake.mesh.simplify import SimplifyReport, simplify_with_report
+from texbake.mesh.triangle_tree import with_nearest_motion, with_source_normals
+from texbake.progress import Progress, Stages
+from texbake.raycast.orientation import oriented
+from texbake.records import dataclass
+from texbake.schema import Size
+from texbake.texture.encoding import encode_normals
+from texbake.texture.image_files import encode_image
+
+if TYPE_CHECKING:
+    from texbake.baking.report import BakeReport
+    from texbake.mapping.unwrap import UnwrapReport
+
+# Materials with images that `auto` keeps. More are slow to draw.
+_MOST_TEXTURED = 8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LightModel:
+    """A mesh with its materials, and what was done."""
+
+    mesh: Mesh
+    materials: Materials  # whose images have no files yet, or those of the source
+    pictures: tuple[Picture, ...]  # of the images, by their names
+    simplified: SimplifyReport | None
+    warnings: tuple[str, ...]
+    keeps_uvs: bool = False
+    size: tuple[int, int] | None = None
+    unwrapped: UnwrapReport | None = None
+    baked: BakeReport | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A model that is made lighter."""
+
+    mesh: Mesh
+    materials: Materials
+    rig: Rig | None
+    options: LightenOptions
+    stages: Stages
+    progress: Progress
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles to reach."""
+        return self.options.target_faces(self.mesh.n_faces)
+
+    def lightened(self, n_faces: int, *, may_unwrap: bool = True) -> LightModel:
+        """Return the model with fewer triangles, as the options ask for texture coordinates."""
+        why = self._why_new_uvs()
+        if self.options.uvs == "keep" and why:
+            raise OptionError(f"uvs: {self.mesh.name} {why}; use new")
+        if self.options.uvs == "new" or why:
+            return self._with_new_uvs(n_faces)
+        kept = self._with_kept_uvs(n_faces)
+        simplified = kept.simplified
+        if self.options.uvs == "keep" or simplified is None:
+            return kept
+        if kept.baked is None and may_unwrap:
+            return self._with_new_uvs(n_faces)
+        if simplified.is_close_to_count:
+            return kept
+        again = self._with_new_uvs(n_faces)
+        note = (
+            f"{self.mesh.name}: its texture coordinates do not allow fewer than "
+            f"{simplified.n_faces:,} triangles; it has new ones"
+        )
+        return replace(again, warnings=(*again.warnings, note))
+
+    def _why_new_uvs(self) -> str:
+        """Why the texture coordinates cannot stay, or had better not; "" if they can."""
+        textured = [item for item in self.materials.materials if item.has_images]
+        if self.mesh.uvs is None or not textured:
+            return "has no images that lie on its texture coordinates"
+        if self.materials.image_uv_sets - {0}:
+            return "has images on further texture coordinates"
+        if self.options.remesh != "never":
+            return "is wrapped in another surface, as `remesh` asks"
+        if self.options.uvs == "auto" and len(textured) > _MOST_TEXTURED:
+            return f"has more than {_MOST_TEXTURED} materials with images"
+        return ""
+
+    def _oriented(self) -> tuple[Mesh, LowNormals, tuple[str, ...]]:
+        options = self.options
+        source = with_poses(self.mesh, self.rig)
+        source = joined_objects(source) if options.join_objects else source
+        high, turned = oriented(source, options.orientation, threads=options.threads)
+        rule = LowNormals(options.normals, options.angle)
+        return rule.of_high(high, threads=options.threads), rule, turned.notes
+
+    def _with_kept_uvs(self, n_faces: int) -> LightModel:
+        from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
+        from texbake.texture.material_images import gltf_images
+
+        options, threads = self.options, self.options.threads
+        report = None
+        with self.stages.part("simplify"):
+            high, rule, warnings = self._oriented()
+            low, materials = high, self.materials
+            if high.n_faces > n_faces:
+                file = MeshFileMaterials(path=Path(high.name), materials=materials)
+                partition = MaterialPartition.of(high, file)
+                enlarged = EnlargedParts.of(partition.mesh, threads=threads)
+                low, report = simplify_with_report(
+                    enlarged.mesh, n_faces, quality=options.quality, seams="keep",
+                    threads=threads, progress=self.progress,
+                )  # fmt: skip
+                low, report = enlarged.restored(low, report, threads=threads)
+                low, kept = partition.restored(low, high)
+                materials = kept.materials or materials
+                warnings = (
+                    *warnings, *report.notes, *layout_notes(low, high, threads=threads),
+                )  # fmt: skip
+                if rule.choice == "auto":
+                    low = with_source_normals(low, high, threads=threads)
+            if rule.choice != "auto":
+                low = with_normals(low, rule.choice, angle=rule.angle)
+            if options.join:
+                low = low.replace(face_groups=None, group_names=(), group_objects=())
+        baked, size = None, None
+        if report is not None and _is_atlas(low, threads):
+            low_poly = reaching(low, report)
+            with self.stages.part("bake"):
+                low, materials, baked = self._with_baked_normals(high, low, low_poly, materials)
+            size = baked.options.width_px, baked.options.height_px
+            warnings = (*warnings, *baked.warnings)
+        with self.stages.part("read images"):
+            materials = gltf_images(materials, threads=threads)
+            pictures = pictures_of(materials, threads=threads)
+        return LightModel(
+            mesh=low,
+            materials=materials,
+            pictures=pictures,
+            simplified=report,
+            warnings=(*warnings, *materials.notes()),
+            keeps_uvs=True,
+            size=size,
+            baked=baked,
+        )
+
+    def _with_baked_normals(
+        self, high: Mesh, low: Mesh, low_poly: LowPoly, materials: Materials
+    ) -> tuple[Mesh, Materials, BakeReport]:
+        """Bake the shape that was simplified away onto texture coordinates that stay."""
+        from texbake.baking.parts.bake_parts import bake_objects
+        from texbake.jobs.material_transfer import texture_size
+
+        options = self.options
+        size = options.size or texture_size(self.materials, LEAST_SIZE, MOST_SIZE)
+        chosen = low_poly.aimed(options.bake_options(("normal",), size, DEFAULT_PADDING))
+        baked = bake_objects(
+            high, low, chosen, pair=len(set(low.group_objects)) <= _MOST_PAIRED,
+            materials=self.materials, progress=self.progress,
+        )  # fmt: skip
+        codes = encode_normals(
+            baked.maps["normal"].values, bits=8, convention="opengl", threads=options.threads
+        )
+        name = f"{Path(self.mesh.name).stem}_normal"
+        data = encode_image(codes, "png", threads=options.threads)
+        source = ChannelSource((1.0, 1.0, 1.0), ChannelImage(data, name))
+        items = tuple(
+            replace(item, channels={**item.channels, "normal": source})
+            for item in materials.materials
+        )
+        # What meets there are charts that a person laid out.
+        return low, replace(materials, materials=items), replace(baked.report, padding_meets=0)
+
+    def _with_new_uvs(self, n_faces: int) -> LightModel:
+        from texbake.jobs.material_transfer import (
+            encoded_channels,
+            shared_materials,
+            transferred_channels,
+        )
+
+        materials, options, stages = self.materials, self.options, self.stages
+        with stages.part("simplify"):
+            high, rule, notes = self._oriented()
+            low, low_poly = self._low_poly(high, rule, n_faces)
+            low = rule.before_unwrap(low)
+        simplified = None if low_poly is None else low_poly.report
+        maps = transferred_channels(materials)
+        if simplified is not None or any(materials.sources("normal")):
+            maps = ("normal", *maps)
+        made: dict[str, Any] = {
+            "warnings": notes if low_poly is None else (
+                *notes, *low_poly.why, *low_poly.report.notes
+            ),
+        }  # fmt: skip
+        pictures: list[Picture] = []
+        baked = None
+        if maps:  # else the shape is as it was, and every channel is one number
+            low, baked, layout = self._baked(high, low, low_poly, rule, maps)
+            made |= layout
+            made["warnings"] = (*made["warnings"], *baked.report.warnings)
+
+        def keep(name: str, codes: npt.NDArray[np.uint8], is_color: bool) -> bytes:
+            pictures.append(Picture(name, codes, is_color))
+            return b""
+
+        channels = encoded_channels(
+            {} if baked is None else baked.maps, materials, Path(self.mesh.name).stem,
+            encode=keep, threads=options.threads,
+        )  # fmt: skip
+        shared = shared_materials(
+            low, self.mesh, materials, channels, Path(self.mesh.name).stem, threads=options.threads
+        )
+        return LightModel(
+            mesh=low, materials=shared, pictures=tuple(pictures), simplified=simplified, **made
+        )
+
+    def _baked(
+        self, high: Mesh, low: Mesh, low_poly: LowPoly | None, rule: LowNormals,
+        maps: Sequence[str],
+    ) -> tuple[Mesh, Any, dict[str, Any]]:  # fmt: skip
+        """Unwrap a mesh and bake its maps; return both, and fields of what was done."""
+        from texbake.baking.parts.bake_parts import bake_objects
+        from texbake.baking.result import check_texels
+        from texbake.jobs.fit import with_diagnosis
+        from texbake.jobs.fitting_atlas import unwrap_to_fit
+        from texbake.jobs.material_transfer import texture_size
+
+        options = self.options
+        size: Size = options.size or texture_size(self.materials, LEAST_SIZE, MOST_SIZE)
+        with self.stages.part("unwrap"):
+            low, unwrapped, notes = unwrap_to_fit(
+                low, size, options.padding, may_grow=options.size is None,
+                threads=options.threads, progress=self.progress,
+            )  # fmt: skip
+            low = rule.after_unwrap(low)
+        atlas = unwrapped.options
+        with self.stages.part("bake"):
+            chosen = options.bake_options(tuple(maps), atlas.size, atlas.padding)
+            chosen = chosen if low_poly is None else low_poly.aimed(chosen)
+            # Each object of few is baked from itself; of many, all from all, which takes less time.
+            are_few = len(set(low.group_objects)) <= _MOST_PAIRED
+            baked = bake_objects(
+                high, low, chosen, pair=are_few, materials=self.materials, progress=self.progress
+            )
+            if chosen.front is None and are_few:  # otherwise they miss what fills the tunnels
+                baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
+            check_texels(low, baked)
+        if options.join:
+            low = low.replace(face_groups=None, group_names=(), group_objects=())
+        figures = {
+            "size": (chosen.width_px, chosen.height_px),
+            "unwrapped": unwrapped,
+            "baked": baked.report,
+            "warnings": notes,
+        }
+        return low, baked, figures
+
+    def _low_poly(self, high: Mesh, rule: LowNormals, n_faces: int) -> tuple[Mesh, LowPoly | None]:
+        """Return the mesh that gets the maps; and how it was made, if it has fewer triangles."""
+        options = self.options
+        # Of the attributes only hard edges and objects matter: all others are baked.
+        bare = _one_group_a_node(high)
+        bare = bare.replace(uvs=None, uv_faces=None, tangents=None, colors=None)
+        if options.remesh != "always" and high.n_faces <= n_faces:
+            return bare, None
+        maker = LowPolyMaker(
+            high=bare, rule=rule, n_faces=n_faces, quality=options.quality, by_parts=True,
+            threads=options.threads, progress=self.progress,
+        )  # fmt: skip
+        low_poly = maker.make(options.remesh, must_reach=options.n_faces is not None)
+        return with_nearest_motion(low_poly.mesh, high, options.threads), low_poly
+
+
+# Share of the area of faces that may overlap others, or leave the unit square, in an atlas.
+_FEW, _OUTSIDE = 0.01, 1e-3
+
+
+def _is_atlas(mesh: Mesh, threads: int | None) -> bool:
+    """Whether the faces of a mesh lie in the unit square, and nearly all beside one another."""
+    corners = mesh.corner_uvs()
+    if corners.min() < -_OUTSIDE or corners.max() > 1.0 + _OUTSIDE:
+        return False
+    areas = np.abs(signed_areas(corners))
+    overlapping = find_overlaps(corners, threads=threads).overlapping
+    return bool(areas[overlapping].sum() <= _FEW * areas.sum() > 0.0)
+
+
+# Objects that are baked one by one.
+_MOST_PAIRED = 64
+
+
+def _one_group_a_node(mesh: Mesh) -> Mesh:
+    """Return a mesh whose groups are the nodes of its file, where these are objects."""
+    if not mesh.group_objects or mesh.face_groups is None:
+        return without_borders(mesh)
+    names = dict(zip(mesh.group_objects, object_names(mesh), strict=True))
+    numbers = sorted(names)
+    groups = np.searchsorted(numbers, np.array(mesh.group_objects)[mesh.face_groups])
+    return mesh.replace(
+        face_groups=groups.astype(np.int32),
+        group_names=tuple(names[number] for number in numbers),
+        group_objects=tuple(numbers),
+    )
