@@ -238,7 +238,6 @@ def test_omissions_that_change_an_fbx_surface_are_named(tmp_path):
     mesh, lines = heard(tmp_path / "a.fbx")
     assert mesh.n_faces == len(FACES)
     assert lines == [
-        "left out 1 skin and 2 shape keys; the mesh is read in the pose it is stored in",
         "left out 1 NURBS surface; only polygons are read",
         "1 subdivision surface is read as its control mesh; subdivide with: texbake convert "
         "--subdivide 2",
@@ -289,11 +288,11 @@ def test_fbx_animations_and_skins_are_counted(tmp_path):
     nodes[1][2].append(("Deformer", [71, "\0\1Deformer", "Skin"], []))
     path = tmp_path / "a.fbx"
     path.write_bytes(written(nodes, 7400, "binary"))
-    assert unread_parts(path) == ()  # the animation moves nothing
+    assert unread_parts(path) == ("1 skin",)  # the animation moves nothing
     assert read_contents(path).passed_over == ("1 skin",)
     nodes[1][2].append(("AnimationCurve", [72, "\0\1AnimCurve", ""], []))
     path.write_bytes(written(nodes, 7400, "binary"))
-    assert unread_parts(path) == ("1 animation",)
+    assert unread_parts(path) == ("1 animation", "1 skin")
     assert read_contents(path).passed_over == ("1 animation", "1 skin")
 
 

@@ -148,7 +148,7 @@ def lighten(
     light_model = whole.lightened(whole.n_faces)
     if rig is not None and (options.join or not rig.fits(light_model.mesh)):
         rig = None
-    warnings = [] if rig is not None else [*left_out(model)]
+    warnings = [*left_out(model, rig)]
     with stages.part("encode images"):
         written = _coded(light_model, options)
     with stages.part("write"):

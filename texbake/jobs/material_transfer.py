@@ -20,6 +20,7 @@ from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.rig import Rig
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -62,9 +63,9 @@ def compared_without(path: PathLike, materials: Materials | None) -> tuple[str, 
     return (f"{path}: compared without its missing images: {names}",)
 
 
-def left_out(path: PathLike) -> tuple[str, ...]:
+def left_out(path: PathLike, rig: Rig | None = None) -> tuple[str, ...]:
     """Return a warning that names what was left out of a model file, if anything was."""
-    found = unread_parts(path)
+    found = unread_parts(path) if rig is None else rig.passed_over
     return (f"{path}: {', '.join(found)} left out",) if found else ()
 
 

@@ -182,9 +182,8 @@ def write_with_materials(
     if mesh.uv_sets and Path(output).suffix.lower() not in SUFFIXES_OF_UV_SETS:
         lost.append("further texture coordinates")
     files = (*files, *uv_set_files(mesh, output))
-    if rig is None:
-        lost += source.passed_over
-    elif mesh.deformation is None and rig.bends:
+    lost += source.passed_over if rig is None else rig.passed_over
+    if rig is not None and mesh.deformation is None and rig.bends:
         lost.append("skins and shape keys")
     notes += triangle_notes(mesh, output)
     if lost:

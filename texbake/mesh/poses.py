@@ -94,18 +94,19 @@ class _Poser:
             pending += [(child, node) for child in rig.nodes[node].get("children", ())]
         rest = self._world({})
         self._to_nodes = {node: _inverse(matrix) for node, matrix in rest.items()}
-        # Back to the space in which a skin is stored, by its first joint.
+        # Back to the place where a skinned object is stored, by its first joint.
         self._back: dict[int, FloatArray] = {}
-        for skin in rig.content.get("skins", ()):
+        stored = {rig.nodes[item.node].get("skin"): item.matrix for item in rig.objects.values()}
+        for number, skin in enumerate(rig.content.get("skins", ())):
+            matrix = stored.get(number, np.eye(4))
             binds = rig.arrays.get(skin.get("inverseBindMatrices", -1))
             joints = skin["joints"]
             for row, joint in enumerate(joints):
                 bind = np.eye(4) if binds is None else binds[row].reshape(4, 4).T.astype(float)
-                self._to_nodes[joint] = bind
-                first = self._back.get(joints[0])
-                self._back[joint] = (
-                    _inverse(pm.matmul(rest[joint], bind)) if first is None else first
-                )
+                if row == 0:
+                    back = pm.matmul(matrix, _inverse(pm.matmul(rest[joint], bind)))
+                self._to_nodes[joint] = pm.matmul(bind, _inverse(matrix))
+                self._back[joint] = back
 
     def pose(self, values: Values) -> FloatArray:
         """(V, 3) positions with some values of nodes."""

@@ -45,6 +45,7 @@ class Rig:
     arrays: Mapping[int, npt.NDArray[np.float32]] = field(default_factory=dict)  # each (n, width)
     objects: Mapping[int, RigObject]  # by the numbers of `Mesh.group_objects`
     has_morph_normals: bool = False
+    passed_over: tuple[str, ...] = ()  # what else is in the file, such as `2 cameras`
 
     @property
     def nodes(self) -> list[dict[str, Any]]:
@@ -100,11 +101,19 @@ class Rig:
 
 def read_rig(path: PathLike) -> Rig | None:
     """Read the rig of a file; None for formats without one."""
-    if Path(path).suffix.lower() not in (".glb", ".gltf"):
+    place = _READERS.get(Path(path).suffix.lower())
+    if place is None:
         return None
-    module = import_module("texbake.mesh.files.gltf_rig")  # which imports this one
-    found: Rig = module.read_gltf_rig(path)
+    module, name = place
+    found: Rig = getattr(import_module(f"texbake.mesh.files.{module}"), name)(path)
     return found
+
+
+_READERS = {
+    ".glb": ("gltf_rig", "read_gltf_rig"),
+    ".gltf": ("gltf_rig", "read_gltf_rig"),
+    ".fbx": ("fbx_rig", "read_fbx_rig"),
+}
 
 
 def moving_ancestors(

@@ -26,6 +26,7 @@ from texbake.limits import most_triangles
 from texbake.mesh.compose import join_parts
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
+from texbake.mesh.files.fbx_rig import FbxMotions
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
@@ -58,7 +59,8 @@ def read_fbx(path: PathLike) -> Mesh:
     if not all(item.is_shown for item in models):
         warn_of(path, "all its meshes are hidden; texbake reads them anyway")
     warn_of_fbx(scene, models)
-    meshes = [part.mesh(path) for part in parts]
+    motions = FbxMotions(scene)
+    meshes = [part.mesh(path, motions) for part in parts]
     return join_parts(meshes, Path(path).name, np.array([part.matrix for part in parts]))
 
 
@@ -82,6 +84,7 @@ class FbxPart:
     """Geometry that a model shows: where, and with which materials."""
 
     model: FbxObject
+    source: FbxObject  # which holds the geometry
     matrix: FloatArray
     geometry: FbxGeometry
     materials: list[FbxObject]
@@ -90,16 +93,21 @@ class FbxPart:
         """Return a material of the model; None where it has none of this number."""
         return self.materials[number] if 0 <= number < len(self.materials) else None
 
-    def mesh(self, path: PathLike) -> Mesh:
+    def mesh(self, path: PathLike, motions: FbxMotions) -> Mesh:
         """Return the mesh in its own space, with its groups."""
         used, groups = np.unique(self.geometry.face_materials, return_inverse=True)
         names = (f"{self.model.name}/{getattr(self.material(i), 'name', i)}" for i in used.tolist())
         fields = dict(self.geometry.fields)
+        n_vertices = len(fields["positions"])
+        motion = motions.deformation(self.model, self.source, n_vertices)
         fields["positions"], fields["faces"], fields["colors"] = finite_vertices(
             path, fields["positions"], fields["faces"], fields.get("colors")
         )
+        if len(fields["positions"]) < n_vertices:
+            motion = None  # vertices that are not finite were left out
         return Mesh(
             **fields,
+            deformation=motion,
             face_groups=groups.astype(np.int32),
             group_names=(self.model.name,) if len(used) == 1 else tuple(names),
             name=Path(path).name,
@@ -128,7 +136,7 @@ def read_parts(scene: FbxScene, models: Iterable[ModelInstance]) -> Iterator[Fbx
                     f"{scene.path}: it repeats far more triangles than it holds; if you trust the "
                     f"file, read it with texbake --max-triangles {10 * triangles}"
                 )
-            yield FbxPart(placed.model, placed.matrix, geometry, materials)
+            yield FbxPart(placed.model, item, placed.matrix, geometry, materials)
 
 
 def uv_set_name(texture: FbxObject) -> str:

@@ -34,9 +34,9 @@ from texbake.mesh.mesh import FloatArray
 
 # Nodes whose children are never used, and are skipped, however many there are.
 UNREAD_NODES = frozenset({
-    "AnimationCurve", "AnimationCurveNode", "AnimationLayer", "AnimationStack", "Control",
-    "CollectionExclusive", "Deformer", "Document", "Documents", "FBXHeaderExtension",
-    "NodeAttribute", "Pose", "References", "Shape", "Takes", "Thumbnail",
+    "AnimationCurveNode", "AnimationLayer", "AnimationStack", "Control", "CollectionExclusive",
+    "Document", "Documents", "FBXHeaderExtension", "NodeAttribute", "Pose", "References", "Takes",
+    "Thumbnail",
 })  # fmt: skip
 
 

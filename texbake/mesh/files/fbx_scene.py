@@ -183,10 +183,19 @@ class ModelInstance:
     model: FbxObject
     matrix: FloatArray  # (4, 4) float64; of its geometry to the world: Y up, meters
     is_shown: bool
+    transform: NodeTransform  # of itself, to the axes of the file
+    parent: Id | None  # the model above it
 
 
 def model_instances(scene: FbxScene) -> list[ModelInstance]:
     """Models that are shown, or all if no mesh is, depth first, each after its parent."""
+    found = all_models(scene)
+    shown = [item for item in found if item.is_shown]
+    return shown if any(model_geometry(scene, item.model) for item in shown) else found
+
+
+def all_models(scene: FbxScene) -> list[ModelInstance]:
+    """All models, depth first, each after its parent."""
     models = {key: item for key, item in scene.objects.items() if item.node.name == "Model"}
     children: dict[Id, list[Id]] = {}
     seen: set[Id] = set()
@@ -196,13 +205,14 @@ def model_instances(scene: FbxScene) -> list[ModelInstance]:
             own = list(dict.fromkeys(own))
             seen.update(own)
             children[owner] = own
-    pending = [(key, WORLD, True) for key in reversed(models) if key not in seen]
+    pending: list[tuple[Id, NodeTransform, bool, Id | None]]
+    pending = [(key, WORLD, True, None) for key in reversed(models) if key not in seen]
     found = []
     axes = scene_axes(_numbers(scene.settings))
     while pending:
-        key, parent, is_shown = pending.pop()
+        key, parent, is_shown, above = pending.pop()
         model = models[key]
-        properties = _numbers({**scene.defaults["Model"], **model.properties})
+        properties = model_properties(scene, model)
         with np.errstate(over="ignore", invalid="ignore"):
             here = place(parent, properties)
             matrix = pm.matmul(pm.matmul(axes, here.matrix), geometric(properties))
@@ -211,12 +221,16 @@ def model_instances(scene: FbxScene) -> list[ModelInstance]:
                 f"{scene.path}: model {quoted(model.name)}: its transform is not finite"
             )
         is_shown &= all(next(iter(properties.get(name, ())), 1) for name in ("Visibility", "Show"))
-        found.append(ModelInstance(model, matrix, is_shown))
-        pending += [(child, here, is_shown) for child in reversed(children.get(key, ()))]
+        found.append(ModelInstance(model, matrix, is_shown, here, above))
+        pending += [(child, here, is_shown, key) for child in reversed(children.get(key, ()))]
     if len(found) < len(models):
         raise FileFormatError(f"{scene.path}: its models stand in a cycle; export it again")
-    shown = [item for item in found if item.is_shown]
-    return shown if any(model_geometry(scene, item.model) for item in shown) else found
+    return found
+
+
+def model_properties(scene: FbxScene, model: FbxObject) -> Properties:
+    """Numbers among the properties of a model."""
+    return _numbers({**scene.defaults["Model"], **model.properties})
 
 
 def _numbers(properties: dict[str, list[Any]]) -> dict[str, Sequence[float]]:
@@ -259,26 +273,12 @@ WORLD = NodeTransform(np.eye(4), np.eye(3), np.ones(3))
 
 def place(parent: NodeTransform, properties: Properties) -> NodeTransform:
     """Place a model in its parent, by the way its `InheritType` says."""
-    is_active = bool(_integer(properties, "RotationActive", 0))
-    order = _ORDERS[_integer(properties, "RotationOrder", 0) % 6 if is_active else 0]
-    rotation = _rotation(_vector(properties, "Lcl Rotation"), order)
-    if is_active:
-        before = _rotation(_vector(properties, "PreRotation"))
-        after = _rotation(_vector(properties, "PostRotation"))
-        rotation = pm.matmul(pm.matmul(before, rotation), after.T)
-    scaling = _vector(properties, "Lcl Scaling", 1.0)
-    pivot = _vector(properties, "RotationPivot")
-    center = _vector(properties, "ScalingPivot")
-    # Points stay in place under scaling at its pivot, and under rotation at the other.
-    scaled = center - scaling * center + _vector(properties, "ScalingOffset") - pivot
-    local = np.eye(4)
-    local[:3, :3] = rotation * scaling
-    local[:3, 3] = (
-        pm.matmul(rotation, scaled)
-        + pivot
-        + _vector(properties, "RotationOffset")
-        + _vector(properties, "Lcl Translation")
-    )
+    translation, turns = (
+        vectors(properties, "Lcl Translation"), vectors(properties, "Lcl Rotation"),
+    )  # fmt: skip
+    scaling = vectors(properties, "Lcl Scaling")
+    rotation = _local_rotation(properties, turns)
+    local = _local(properties, translation, rotation, scaling)
     kind = _integer(properties, "InheritType", _USUAL)
     matrix = pm.matmul(parent.matrix, local)
     turned = pm.matmul(parent.rotation, rotation)
@@ -290,6 +290,52 @@ def place(parent: NodeTransform, properties: Properties) -> NodeTransform:
             stretch = stretch * inverse
         matrix[:3, :3] = pm.matmul(turned, stretch) * scaling
     return NodeTransform(matrix, turned, scaling)
+
+
+def vectors(properties: Properties, name: str) -> FloatArray:
+    """(3,) float64: translation, rotation or scaling of a model by the name of the property."""
+    return _vector(properties, name, 1.0 if name == "Lcl Scaling" else 0.0)
+
+
+def local_matrices(
+    properties: Properties, translations: FloatArray, turns: FloatArray, scalings: FloatArray
+) -> FloatArray:
+    """(n, 4, 4) matrices of a model in its parent, from (n, 3) values of what may be animated."""
+    rows = zip(translations, turns, scalings, strict=True)
+    return np.stack(
+        [
+            _local(properties, translation, _local_rotation(properties, turn), scaling)
+            for translation, turn, scaling in rows
+        ]
+    )
+
+
+def _local_rotation(properties: Properties, turns: FloatArray) -> FloatArray:
+    """(3, 3) rotation of a model in its parent."""
+    is_active = bool(_integer(properties, "RotationActive", 0))
+    order = _ORDERS[_integer(properties, "RotationOrder", 0) % 6 if is_active else 0]
+    rotation = _rotation(turns, order)
+    if not is_active:
+        return rotation
+    before = _rotation(_vector(properties, "PreRotation"))
+    after = _rotation(_vector(properties, "PostRotation"))
+    return pm.matmul(pm.matmul(before, rotation), after.T)
+
+
+def _local(
+    properties: Properties, translation: FloatArray, rotation: FloatArray, scaling: FloatArray
+) -> FloatArray:
+    """(4, 4) matrix of a model in its parent."""
+    pivot = _vector(properties, "RotationPivot")
+    center = _vector(properties, "ScalingPivot")
+    # Points stay in place under scaling at its pivot, and under rotation at the other.
+    scaled = center - scaling * center + _vector(properties, "ScalingOffset") - pivot
+    local = np.eye(4)
+    local[:3, :3] = rotation * scaling
+    local[:3, 3] = (
+        pm.matmul(rotation, scaled) + pivot + _vector(properties, "RotationOffset") + translation
+    )
+    return local
 
 
 def geometric(properties: Properties) -> FloatArray:

@@ -44,24 +44,23 @@ def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
     from texbake.mesh.files.fbx_scene import read_scene
 
     counts = _counts(read_scene(source))
-    return _named({noun: n for noun, n in counts.items() if noun not in (*_POSES, _NURBS)})
+    return _named({noun: n for noun, n in counts.items() if noun != _NURBS})
 
 
-def warn_of_pose(source: Document | FbxScene) -> Mapping[str, int]:
-    """Warn of skins and shape keys, which would change the surface; return the counts of parts."""
-    counts = _counts(source)
+def warn_of_pose(document: Document) -> None:
+    """Warn of skins and shape keys, which would change the surface."""
+    counts = _counts(document)
     parts = _named({noun: counts[noun] for noun in _POSES})
     if parts:
         line = f"left out {' and '.join(parts)}; the mesh is read in the pose it is stored in"
-        warn_of(source.path, line)
-    return counts
+        warn_of(document.path, line)
 
 
 def warn_of_fbx(scene: FbxScene, models: Iterable[ModelInstance]) -> None:
     """Warn of unread parts of a scene that would change the surface of its visible `models`."""
     from texbake.mesh.files.fbx_scene import has_polygons, model_geometry
 
-    if (n := warn_of_pose(scene)[_NURBS]) > 0:
+    if (n := _counts(scene)[_NURBS]) > 0:
         warn_of(scene.path, f"left out {counted(n, _NURBS)}; only polygons are read")
     meshes = set(filter(has_polygons, scene.objects.values()))
     warn_of_cages(scene.path, sum(map(_is_subdivided, meshes)))

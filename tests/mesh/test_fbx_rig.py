@@ -1,0 +1,142 @@
+"""Skins, shapes and animations of FBX files, as nodes and joints of glTF."""
+
+import numpy as np
+import pytest
+
+from tests.fbx_writer import CM, POINTS, scene, shape, written
+from texbake.errors import heard_warnings
+from texbake.mesh.files import read_mesh
+from texbake.mesh.files.fbx_curves import Curve
+from texbake.mesh.files.fbx_rig import decomposed
+from texbake.mesh.poses import with_poses
+from texbake.mesh.rig import read_rig
+from texbake.verbs.meshes import transform_file
+
+SECOND = 46_186_158_000
+TURN = np.array([[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+
+
+def moving_scene():
+    """A wall that a bone at (1, 0, 0) moves in part, and a shape; a door that turns by itself."""
+    models = {
+        "wall": ({"Lcl Translation": [0.0, 0.0, 5.0]}, None),
+        "bone": ({"Lcl Translation": [1.0, 0.0, 5.0]}, None),
+        "door": ({}, None),
+    }
+    nodes = scene(7400, models=models)
+    bind = np.eye(4)
+    bind[3, 0] = -1.0  # of the wall to the bone, in rows
+    curve = [
+        ("KeyTime", [np.array([0, SECOND])], []),
+        ("KeyValueFloat", [np.array([0.0, 90.0], np.float32)], []),
+        ("KeyAttrFlags", [np.array([4], np.int32)], []),
+        ("KeyAttrDataFloat", [np.zeros(4, np.float32)], []),
+        ("KeyAttrRefCount", [np.array([2], np.int32)], []),
+    ]
+    weights = np.array([0.5, 1.0, 1.0])
+    cluster = [
+        ("Indexes", [np.array([1, 2, 5], np.int32)], []),
+        ("Weights", [weights], []),
+        ("Transform", [bind.ravel()], []),
+        ("TransformLink", [np.eye(4).ravel()], []),
+    ]
+    bump = [
+        ("Indexes", [np.array([0, 6], np.int32)], []),
+        ("Vertices", [np.array([0.0, 0, 1, 0, 0, 2])], []),
+    ]
+    nodes[1][2].extend([
+        ("Geometry", [11, "door\0\1Geometry", "Mesh"], shape()),
+        ("Deformer", [70, "\0\1Deformer", "Skin"], []),
+        ("Deformer", [71, "\0\1SubDeformer", "Cluster"], cluster),
+        ("Deformer", [72, "\0\1Deformer", "BlendShape"], []),
+        ("Deformer", [73, "bump\0\1SubDeformer", "BlendShapeChannel"],
+         [("DeformPercent", [25.0], [])]),
+        ("Geometry", [74, "bump\0\1Geometry", "Shape"], bump),
+        ("AnimationStack", [75, "turn\0\1AnimStack", ""], []),
+        ("AnimationLayer", [76, "\0\1AnimLayer", ""], []),
+        ("AnimationCurveNode", [77, "R\0\1AnimCurveNode", ""], []),
+        ("AnimationCurve", [78, "\0\1AnimCurve", ""], curve),
+        ("AnimationCurveNode", [79, "DeformPercent\0\1AnimCurveNode", ""], []),
+    ])  # fmt: skip
+    links = [("OO", *pair) for pair in (
+        (11, 102), (70, 10), (71, 70), (101, 71), (72, 10), (73, 72), (74, 73), (76, 75), (77, 76),
+        (79, 76),
+    )]  # fmt: skip
+    links += [("OP", 77, 101, "Lcl Rotation"), ("OP", 77, 102, "Lcl Rotation")]
+    links += [("OP", 78, 77, "d|Z"), ("OP", 79, 73, "DeformPercent"),
+              ("OP", 78, 79, "d|DeformPercent")]  # fmt: skip
+    nodes[2][2].extend([("C", list(link), []) for link in links])
+    taken = (["OO", 10, 101], ["OO", 10, 102])
+    nodes[2][2][:] = [each for each in nodes[2][2] if each[1] not in taken]
+    return nodes
+
+
+@pytest.mark.parametrize("form", ["binary", "ascii"])
+def test_a_skin_a_shape_and_an_animation_are_read(tmp_path, form):
+    path = tmp_path / "a.fbx"
+    path.write_bytes(written(moving_scene(), 7400, form))
+    lines = []
+    with heard_warnings(lines.append):
+        mesh, rig = read_mesh(path), read_rig(path)
+    assert lines == []
+    assert [node["name"] for node in rig.nodes] == ["axes", "wall", "bone", "door"]
+    wall, door = (mesh.deformation.of(rows) for rows in (np.arange(7), np.arange(7, 14)))
+    bound = np.where(wall.joints == 2, wall.weights, 0.0).sum(axis=1)
+    assert (wall.joints[bound == 0, 0] == 1).all()  # the model itself moves the others
+    assert bound.tolist() == [0, 1, 1, 0, 0, 1, 0]  # weights are normalized
+    assert (door.joints[:, 0] == 3).all() and (door.weights[:, 0] == 1.0).all()
+    moves = wall.morphs[0].rows(7)
+    np.testing.assert_allclose(moves[[0, 6], 2], [CM, 2 * CM])
+    assert rig.objects[0].fields["extras"]["targetNames"] == ["bump"]
+    assert rig.objects[0].fields["weights"] == [0.25]
+    (animation,) = rig.content["animations"]
+    assert animation["name"] == "turn"
+    targets = {(c["target"]["node"], c["target"]["path"]) for c in animation["channels"]}
+    assert {(2, "rotation"), (3, "rotation"), (1, "weights")} <= targets
+    # At the end, the bone has turned what it moves by a quarter about (1, 0).
+    pose = with_poses(mesh, rig).deformation.poses[3] / CM
+    given = np.concatenate([POINTS, np.ones((7, 1))], axis=1)
+    given[[0, 6], 2] += np.array([1.0, 2.0]) * 0.9  # the curve of the turn sets 90 % as well
+    about = given - np.array([1.0, 0, 0, 0])
+    turned = np.where(bound[:, None] > 0.0, about @ TURN.T, given)[:, :3]
+    np.testing.assert_allclose(pose[:7], turned + np.array([0, 0, 5.0]), atol=1e-5)
+    np.testing.assert_allclose(pose[7:], (POINTS @ TURN[:3, :3].T), atol=1e-5)
+
+
+def test_an_fbx_character_becomes_a_glb_file(tmp_path):
+    path = tmp_path / "a.fbx"
+    path.write_bytes(written(moving_scene(), 7400, "binary"))
+    (warning,) = transform_file(path, tmp_path / "b.glb").warnings
+    assert "without" not in warning  # it counts polygons
+    before, after = (with_poses(read_mesh(p), read_rig(p)) for p in (path, tmp_path / "b.glb"))
+    for here, there in zip(before.deformation.poses, after.deformation.poses, strict=True):
+        a, b = here[before.faces], there[after.faces]
+        # The skin is stored in the space and the unit of its geometry, the door where it is.
+        is_door = before.face_groups == before.face_groups.max()
+        np.testing.assert_allclose(b[is_door], a[is_door], atol=1e-6)
+        np.testing.assert_allclose(b[~is_door] * CM + [0, 0, 5 * CM], a[~is_door], atol=1e-6)
+
+
+def test_curves_hold_go_straight_or_bend():
+    times, values = np.array([0.0, 1.0, 3.0]), np.array([1.0, 3.0, 3.0])
+    slopes = np.array([[0.0, 0.0], [1.0, -1.0], [0.0, 0.0]])
+    at = np.array([-1.0, 0.5, 1.0, 2.0, 9.0])
+    for flag, middle, late in ((2, 1.0, 3.0), (2 | 0x100, 3.0, 3.0), (4, 2.0, 3.0), (8, 2.0, 3.5)):
+        curve = Curve(times, values, np.full(3, flag), slopes)
+        expected = [1.0, middle, 3.0, late if flag == 8 else 3.0, 3.0]
+        np.testing.assert_allclose(curve.at(at), expected)
+
+
+def test_matrices_fall_into_translation_rotation_and_scale():
+    angles = np.linspace(0.0, 2.0 * np.pi, 9)
+    matrices = np.tile(np.eye(4), (9, 1, 1))
+    matrices[:, 0, 0] = matrices[:, 1, 1] = np.cos(angles)
+    matrices[:, 1, 0], matrices[:, 0, 1] = np.sin(angles), -np.sin(angles)
+    matrices[:, :3, :3] *= np.array([-2.0, 3.0, 1.0])
+    matrices[:, :3, 3] = [1, 2, 3]
+    translations, rotations, scales = decomposed(matrices)
+    assert (translations == [1, 2, 3]).all()
+    np.testing.assert_allclose(scales, np.tile([-2, 3, 1], (9, 1)))
+    # The whole turn goes on in small steps, to the opposite quaternion.
+    turns = np.stack([np.sin(angles / 2), np.cos(angles / 2)], axis=1) * rotations[0, 3]
+    np.testing.assert_allclose(rotations[:, 2:], turns, atol=1e-12)

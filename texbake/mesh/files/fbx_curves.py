@@ -1,0 +1,70 @@
+"""Curves of FBX animations: keys with constant, linear or cubic values between them.
+
+Based on: B. Raiskila, "ufbx", 2020, for the flags and the data of keys.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from texbake.mesh.files.fbx_nodes import Node
+from texbake.mesh.mesh import FloatArray
+from texbake.records import dataclass
+
+_TICKS = 46_186_158_000.0  # of a second
+_CONSTANT, _LINEAR, _CUBIC = 2, 4, 8  # bits of the flags of a key
+_NEXT = 0x100  # with constant values: that of the next key
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A number that changes with time."""
+
+    times: FloatArray  # (n,) float64; in seconds, rising
+    values: FloatArray  # (n,) float64
+    flags: npt.NDArray[np.int64]  # (n,)
+    slopes: FloatArray  # (n, 2) float64; per second, after each key and before the next
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """(m,) values at some times."""
+        last = len(self.times) - 1
+        before = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, last)
+        after = np.minimum(before + 1, last)
+        spans = self.times[after] - self.times[before]
+        share = np.divide(
+            times - self.times[before], spans, out=np.zeros_like(times), where=spans > 0.0
+        )
+        share = np.clip(share, 0.0, 1.0)
+        a, b = self.values[before], self.values[after]
+        flags = self.flags[before]
+        left, right = (self.slopes[before, side] * spans for side in range(2))
+        u = share * share * (3.0 - 2.0 * share)
+        bent = share * (1.0 - share)
+        cubic = a + u * (b - a) + bent * ((1.0 - share) * left - share * right)
+        linear = a + share * (b - a)
+        held = np.where((flags & _NEXT != 0) & (share > 0.0), b, a)
+        values = np.where(flags & _CUBIC != 0, cubic, linear)
+        return np.where(flags & _CONSTANT != 0, held, values)
+
+
+def read_curve(node: Node) -> Curve | None:
+    """Read an `AnimationCurve`; None without keys, or if they are damaged."""
+    times = node.numbers("KeyTime").astype(np.float64) / _TICKS
+    values = node.numbers("KeyValueFloat").astype(np.float64)
+    n = min(len(times), len(values))
+    times, values = times[:n], values[:n]
+    if n == 0 or not np.isfinite(values).all() or (np.diff(times) < 0.0).any():
+        return None
+    counts = np.clip(node.numbers("KeyAttrRefCount").astype(np.int64), 0, n)
+    flags = node.numbers("KeyAttrFlags").astype(np.int64)
+    data = node.numbers("KeyAttrDataFloat")
+    if data.dtype.kind in "iu":  # text files have the bits of the numbers
+        data = data.astype(np.int64).astype(np.uint32).view(np.float32)
+    slopes = data.astype(np.float64)[: len(data) // 4 * 4].reshape(-1, 4)[:, :2]
+    m = min(len(counts), len(flags), len(slopes))
+    which = np.repeat(np.arange(m), counts[:m])[:n]
+    of_keys, of_slopes = np.full(n, _LINEAR), np.zeros((n, 2))
+    of_keys[: len(which)] = flags[which]
+    of_slopes[: len(which)] = np.nan_to_num(slopes[which], posinf=0.0, neginf=0.0)
+    return Curve(times, values, of_keys, of_slopes)
