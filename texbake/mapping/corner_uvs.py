@@ -29,6 +29,7 @@ class Projected:
     tallies: dict[str, int] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # for the report
     padding: int | None = None  # texels of space around each chart
+    stacked: BoolArray | None = None  # (F,); faces that lie on others on purpose
 
     def __post_init__(self) -> None:
         happened = {name: count for name, count in self.tallies.items() if count}

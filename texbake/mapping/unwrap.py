@@ -118,7 +118,8 @@ def unwrap_together(
     results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, seams, stages, threads)
     with stages.stage("measure"):
         measured = [
-            _measured(mesh.on_uv_set(options.uv_set), options, threads) for mesh, _ in results
+            _measured(mesh.on_uv_set(options.uv_set), mapped.stacked, options, threads)
+            for mesh, mapped in results
         ]
     return [
         (
@@ -137,9 +138,13 @@ def unwrap_together(
     ]
 
 
-def _measured(mesh: Mesh, options: UnwrapOptions, threads: int | None) -> Distortion | None:
-    """Measure the coordinates; None if no face has an area in them."""
+def _measured(
+    mesh: Mesh, stacked: BoolArray | None, options: UnwrapOptions, threads: int | None
+) -> Distortion | None:
+    """Measure the coordinates without `stacked` faces; None if no face has an area in them."""
     try:
+        if stacked is not None:
+            mesh = selected(mesh, ~stacked)
         return distortion(mesh, (options.width_px, options.height_px), threads=threads)
     except UvError:
         return None
@@ -210,8 +215,17 @@ def _unwrapped(
             assert unwrapped.uvs is not None and unwrapped.uv_faces is not None
             further = UvSet(unwrapped.uvs, unwrapped.uv_faces)
             unwrapped = mesh.replace(uv_sets={**mesh.uv_sets, options.uv_set: further})
-        results.append((unwrapped, part))
+        results.append((unwrapped, _of_whole_mesh(part, faces)))
     return results
+
+
+def _of_whole_mesh(part: Projected, faces: BoolArray) -> Projected:
+    """Coordinates of the chosen `faces` (F,), with `stacked` by the faces of the mesh."""
+    if part.stacked is None:
+        return part
+    stacked = np.zeros(len(faces), dtype=bool)
+    stacked[faces] = part.stacked
+    return replace(part, stacked=stacked)
 
 
 def _cuts(
@@ -242,16 +256,19 @@ def _mapped_by_atlas(
     mapped = []
     for atlas in make_atlas(parts, options, stages, seams=cuts, threads=threads):
         charts = atlas.charts
+        n_stacked = 0 if charts.stacked is None else int(charts.stacked.sum())
         mapped.append(
             Projected(
                 corners=transform_uvs(atlas.corners, options),
                 tallies={
                     "faces without area, reduced to a point": charts.n_ignored,
+                    "faces that share the texels of their mirror images": n_stacked,
                     "mirrored charts, flipped": charts.n_mirrored,
                     "charts split off because they overlapped their own chart": charts.n_split,
                 },
                 notes=charts.notes,
                 padding=atlas.padding,
+                stacked=charts.stacked,
             )
         )
     return mapped

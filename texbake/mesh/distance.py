@@ -216,6 +216,14 @@ def sample_surface(
     return _points_on(mesh.positions, mesh.faces, face_ids, barycentrics), face_ids, barycentrics
 
 
+def sample_points(
+    positions: FloatArray, faces: IntArray, n: int, *, threads: int | None = None
+) -> FloatArray:
+    """(n, 3) float64: points in equal steps of the area of faces, of about unit size."""
+    face_ids, barycentrics = _spread_samples(positions, faces, n, 0, threads)
+    return _points_on(positions, faces, face_ids, barycentrics)
+
+
 def _spread_samples(
     positions: FloatArray, faces: IntArray, n: int, seed: int, threads: int | None
 ) -> tuple[IntArray, FloatArray]:

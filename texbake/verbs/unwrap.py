@@ -38,7 +38,7 @@ SECTIONS = {
     "Method": ("method", "size", "only", "uv_set"),
     "Atlas": (
         *("padding", "quality", "max_stretch", "seams", "keep_seams", "seams_at_hard_edges"),
-        *("seam_angle", "tiles", "by_group", "keep", "charts", "timeout"),
+        *("seam_angle", "symmetry", "tiles", "by_group", "keep", "charts", "timeout"),
     ),
     "Classical mappings": (
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),

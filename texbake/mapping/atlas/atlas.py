@@ -6,33 +6,42 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from texbake.errors import UnwrapError, UvError, counted
+from texbake.errors import UnwrapError, counted
 from texbake.mapping.atlas.charts import (
     Charts,
     ChartSurface,
     existing_charts,
     find_isolated_faces,
     gather_charts,
+    groups_in_use,
     single_face_charts,
+    tile_groups,
 )
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.cutting.marked import marked_charts
 from texbake.mapping.atlas.edge_weights import edge_weights
-from texbake.mapping.atlas.flatten import relax_charts
+from texbake.mapping.atlas.flatten import chart_stretch, relax_charts
+from texbake.mapping.atlas.halves import Halves, find_halves
 from texbake.mapping.atlas.joining.bound import bound_charts
-from texbake.mapping.atlas.joining.join import join_charts
+from texbake.mapping.atlas.joining.join import MOST_WASTE, join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
+from texbake.mapping.atlas.mirrored_charts import (
+    half_charts,
+    half_surface,
+    mates_of,
+    stacked_charts,
+)
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
 from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
-from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
 from texbake.records import dataclass
@@ -42,13 +51,16 @@ from texbake.records import dataclass
 # stretch that nobody sees.
 _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
+_HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller as they are cut
 _BEST_STRETCH = 1.09
+# Empty area in the hulls of charts with `fast`, whose packing does not fill them; see `MOST_WASTE`.
+_FAST_WASTE = 0.2
 # Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
 # set the scale of all others: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
 # hundreds of charts reach it.
-_JOIN_WORK = {"good": 300, "best": 1000}
+_JOIN_WORK = {"fast": 30, "good": 300, "best": 1000}
 # Whole bodies that cost less than this share of what `good` does leave no more to be tried.
 _CLEARLY_BETTER = 0.7
 # Steps from zero to the size of the largest of several meshes.
@@ -78,9 +90,11 @@ def make_atlas(
     `seams`: for each mesh, (F, 3) bool: edges at which charts are cut; None to choose them.
     """
     if options.by_group:  # fail before the work
-        check_tiles(len(_groups_in_use(meshes)), options.tiles, _name_of(meshes))
+        check_tiles(len(groups_in_use(meshes)), options.tiles, _name_of(meshes))
 
     is_free = not options.keep and all(each is None for each in seams)
+    # With overlap, a whole body would have no other half to lie on.
+    is_free = is_free and options.symmetry != "overlap"
     if options.quality == "best" and options.charts == "texbake" and is_free:
         return _best_atlases(meshes, options, stages, threads)
     all_charts = [
@@ -147,14 +161,14 @@ def _packed_charts(
     with stages.stage("pack charts"):
         packing = pack_charts(
             np.concatenate([charts.uvs for charts in all_charts]),
-            offset_joined([(charts.faces, len(charts.uvs)) for charts in all_charts]),
+            offset_joined([(charts.packed_faces, len(charts.uvs)) for charts in all_charts]),
             offset_joined([(charts.chart_ids, charts.n_charts) for charts in all_charts]),
             size=size,
             padding=padding,
             name=_name_of(meshes),
             effort=options.quality,
             tiles=options.tiles,
-            tile_groups=_tile_groups(meshes, all_charts) if options.by_group else None,
+            tile_groups=tile_groups(meshes, all_charts) if options.by_group else None,
             density=options.texel_density,
             unit=unit,
             reshape=not options.keep and options.max_stretch is None,
@@ -251,10 +265,40 @@ def _connected_charts(
         with stages.stage("flatten between seams"):
             charts = marked_charts(mesh, surface, options)
         return _bounded(surface, charts, options, stages)
+    halves = None
+    if options.symmetry != "off" and options.charts == "texbake":
+        with stages.stage("find mirror plane"):
+            halves = find_halves(surface, apart=options.symmetry == "overlap")
+    if halves is not None:
+        if options.symmetry == "overlap" and halves.twins is not None:
+            return _stacked_charts(mesh, surface, halves, options, stages)
+        charts = _symmetric_charts(mesh, surface, halves, options, stages)
+        return _without_stacks(charts, "its faces do not mirror each other one by one", options)
+    weights = _weights(surface, stages)
+    charts = _cut(mesh, surface, options, stages, weights)
+    if options.quality != "fast":
+        charts = _improved(mesh, surface, charts, options, stages, weights)
+    charts = _bounded(surface, charts, options, stages)
+    return _without_stacks(charts, "it has no mirror plane", options)
+
+
+def _without_stacks(charts: Charts, why: str, options: UnwrapOptions) -> Charts:
+    """Note that no charts share texels, where that was asked for."""
+    if options.symmetry != "overlap":
+        return charts
+    return replace(charts, notes=(*charts.notes, f"no charts share texels, because {why}"))
+
+
+def _weights(surface: ChartSurface, stages: Stages) -> FloatArray:
     with stages.stage("weigh edges"):
-        weights = edge_weights(surface)
+        return edge_weights(surface)
+
+
+def _cut(
+    mesh: Mesh, surface: ChartSurface, options: UnwrapOptions, stages: Stages, weights: FloatArray
+) -> Charts:
     with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
-        charts = cut_charts(
+        return cut_charts(
             mesh,
             surface,
             weights=weights,
@@ -263,9 +307,34 @@ def _connected_charts(
             timeout=options.timeout,
             advance=advance,
         )
-    if options.quality != "fast":
-        charts = _improved(mesh, surface, charts, options, stages, weights)
+
+
+def _symmetric_charts(
+    mesh: Mesh, surface: ChartSurface, halves: Halves, options: UnwrapOptions, stages: Stages
+) -> Charts:
+    """Cut a mesh, carry the charts of one half to the other, and join them as mirror images."""
+    weights = _weights(surface, stages)
+    charts = _cut(mesh, surface, options, stages, weights)
+    with stages.stage("mirror charts"):
+        charts = half_charts(mesh, surface, halves, charts, options.quality)
+    as_cut = chart_stretch(surface.points, mesh, charts)
+    charts = _joined(surface, charts, options, stages, weights, as_cut=as_cut, halves=halves)
     return _bounded(surface, charts, options, stages)
+
+
+def _stacked_charts(
+    mesh: Mesh, surface: ChartSurface, halves: Halves, options: UnwrapOptions, stages: Stages
+) -> Charts:
+    """Cut one half of a mesh, and lay the other on it."""
+    half = half_surface(surface, halves)
+    half_mesh = Mesh(
+        positions=mesh.positions, faces=half.faces, polygon_of=half.polygons, name=mesh.name
+    )
+    weights = _weights(half, stages)
+    charts = _cut(half_mesh, half, options, stages, weights)
+    if options.quality != "fast":
+        charts = _improved(half_mesh, half, charts, options, stages, weights)
+    return stacked_charts(halves, _bounded(half, charts, options, stages), mesh)
 
 
 def _bounded(
@@ -287,64 +356,41 @@ def _improved(
     weights: FloatArray,
 ) -> Charts:
     """Relax charts, join them as far as the stretch of the mesh allows, and straighten borders."""
-    as_cut = _stretch(surface.points, mesh, charts)
+    as_cut = chart_stretch(surface.points, mesh, charts)
     with stages.stage("relax charts"):
         charts = relax_charts(surface, charts)
+    return _joined(surface, charts, options, stages, weights, as_cut=as_cut)
+
+
+def _joined(
+    surface: ChartSurface,
+    charts: Charts,
+    options: UnwrapOptions,
+    stages: Stages,
+    weights: FloatArray,
+    *,
+    as_cut: float,
+    halves: Halves | None = None,
+) -> Charts:
+    """Join charts as far as the stretch allows that they had `as_cut`, and straighten borders."""
     allowed = _BEST_STRETCH
+    if options.quality == "fast":
+        allowed = as_cut
     if options.quality == "good":
-        allowed = min(1.0 + _GOOD_ROOM * (as_cut - 1.0), _GOOD_STRETCH)
+        room = _GOOD_ROOM if halves is None else _HALVES_ROOM
+        allowed = min(1.0 + room * (as_cut - 1.0), _GOOD_STRETCH)
     with stages.stage("join charts"):
         charts = join_charts(
             surface,
             charts,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
+            most_waste=_FAST_WASTE if options.quality == "fast" else MOST_WASTE,
             most_length=_JOINED_SIDES,
-            most_work=_JOIN_WORK[options.quality],
+            most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
+            mates_of=None if halves is None else partial(mates_of, surface=surface, halves=halves),
         )
     if options.charts != "texbake":
         return charts
     with stages.stage("straighten borders"):
         return straighten_charts(surface, charts, weights)
-
-
-def _stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
-    """L2 stretch of the mesh, with all charts at one scale."""
-    flat = mesh.replace(positions=points, uvs=charts.uvs, uv_faces=charts.faces)
-    try:
-        found = face_stretch(flat)
-    except UvError:  # the areas of all faces are as small as their rounding
-        return 1.0
-    # Not a dot product, which sums in a different order with a different number of threads.
-    return math.sqrt(float((found.areas * found.l2**2).sum()) / float(found.areas.sum()))
-
-
-def _groups_in_use(meshes: Sequence[Mesh]) -> set[str]:
-    """Names of the groups that have faces; "" is for meshes without groups."""
-    return {
-        mesh.group_names[group]
-        for mesh in meshes
-        if mesh.face_groups is not None
-        for group in np.unique(mesh.face_groups)
-    } | {"" for mesh in meshes if mesh.face_groups is None}
-
-
-def _tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArray:
-    """Group of each chart; groups of the same name in several meshes count as one."""
-    names: dict[str, int] = {}
-    groups = []
-    for mesh, charts in zip(meshes, all_charts, strict=True):
-        of_chart = np.zeros(charts.n_charts, dtype=np.int32)
-        numbers = np.array(
-            [names.setdefault(name, len(names)) for name in mesh.group_names or ("",)],
-            dtype=np.int32,
-        )
-        solid = charts.solid
-        if mesh.face_groups is not None:
-            face_charts = charts.chart_ids[charts.faces[solid, 0]]
-            of_chart[face_charts] = numbers[mesh.face_groups[solid]]
-        else:
-            of_chart[:] = numbers[0]
-        groups.append(of_chart)
-    # Numbered without gaps, so that a group without faces takes no tile.
-    return np.unique(np.concatenate(groups), return_inverse=True)[1].astype(np.int32)

@@ -75,6 +75,8 @@ class Charts:
     n_ignored: int = 0  # faces without a chart, because they have almost no area on the grid
     n_mirrored: int = 0  # charts that came out mirrored and were flipped
     n_split: int = 0  # charts that were split off because they overlapped their own chart
+    # (F,) bool; faces on the coordinates of their mirror images; None if there are none.
+    stacked: BoolArray | None = None
     # Notes for the report: steps that failed and what was done instead, charts that miss a bound
     # and why.
     notes: tuple[str, ...] = ()
@@ -83,6 +85,11 @@ class Charts:
     def n_charts(self) -> int:
         """Number of charts."""
         return int(self.chart_ids.max()) + 1
+
+    @property
+    def packed_faces(self) -> IntArray:
+        """(n, 3): `faces` without those that lie on others."""
+        return self.faces if self.stacked is None else self.faces[~self.stacked]
 
     @property
     def solid(self) -> npt.NDArray[np.bool_]:
@@ -185,3 +192,34 @@ def flatten_triangles(corners: FloatArray) -> FloatArray:
     flat[:, 2, 0] = pm.vecdot(first, second) / lengths
     flat[:, 2, 1] = 2.0 * surface_areas(corners) / lengths
     return flat
+
+
+def groups_in_use(meshes: Sequence[Mesh]) -> set[str]:
+    """Names of the groups that have faces; "" is for meshes without groups."""
+    return {
+        mesh.group_names[group]
+        for mesh in meshes
+        if mesh.face_groups is not None
+        for group in np.unique(mesh.face_groups)
+    } | {"" for mesh in meshes if mesh.face_groups is None}
+
+
+def tile_groups(meshes: Sequence[Mesh], all_charts: Sequence[Charts]) -> IntArray:
+    """Group of each chart; groups of the same name in several meshes count as one."""
+    names: dict[str, int] = {}
+    groups = []
+    for mesh, charts in zip(meshes, all_charts, strict=True):
+        of_chart = np.zeros(charts.n_charts, dtype=np.int32)
+        numbers = np.array(
+            [names.setdefault(name, len(names)) for name in mesh.group_names or ("",)],
+            dtype=np.int32,
+        )
+        solid = charts.solid if charts.stacked is None else charts.solid & ~charts.stacked
+        if mesh.face_groups is not None:
+            face_charts = charts.chart_ids[charts.faces[solid, 0]]
+            of_chart[face_charts] = numbers[mesh.face_groups[solid]]
+        else:
+            of_chart[:] = numbers[0]
+        groups.append(of_chart)
+    # Numbered without gaps, so that a group without faces takes no tile.
+    return np.unique(np.concatenate(groups), return_inverse=True)[1].astype(np.int32)

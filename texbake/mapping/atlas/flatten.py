@@ -8,14 +8,17 @@ Kernels: `core/flatten.c`, which names the methods.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from texbake.core import core
+from texbake.errors import UvError
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mapping.stretch import face_stretch
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
@@ -156,3 +159,14 @@ def _in_one_piece(points: FloatArray, mesh_faces: IntArray, charts: Charts) -> C
         chart_ids=new_charts[firsts // 3].astype(np.int32),
         n_split=charts.n_split + len(first_faces) - charts.n_charts,
     )
+
+
+def chart_stretch(points: FloatArray, mesh: Mesh, charts: Charts) -> float:
+    """L2 stretch of the mesh, with all charts at one scale."""
+    flat = mesh.replace(positions=points, uvs=charts.uvs, uv_faces=charts.faces)
+    try:
+        found = face_stretch(flat)
+    except UvError:  # the areas of all faces are as small as their rounding
+        return 1.0
+    # Not a dot product, which sums in a different order with a different number of threads.
+    return math.sqrt(float((found.areas * found.l2**2).sum()) / float(found.areas.sum()))

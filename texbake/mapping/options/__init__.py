@@ -14,6 +14,7 @@ from texbake.records import dataclass
 from texbake.schema import option
 
 QUALITIES = ("fast", "good", "best")
+SYMMETRIES = ("auto", "off", "overlap")
 CHART_CUTTERS = ("texbake", "xatlas")
 MAX_TILES = 100  # UDIM 1001 to 1100
 
@@ -85,6 +86,12 @@ class AtlasOptions(TextureOptions):
         unit="degrees",
         default="wherever the stretch calls for it",
     )
+    symmetry: str = option(
+        "auto",
+        "For a mesh with a mirror plane: auto makes cuts and charts mirror each other, overlap "
+        "lays one half on the other, so that both share their texels, and off ignores the plane.",
+        choices=SYMMETRIES,
+    )
     charts: str = option(
         "texbake",
         "What cuts charts: texbake, or the library xatlas in separate processes.",
@@ -131,7 +138,7 @@ class Method:
 METHODS = {
     "atlas": Method((
         "padding", "quality", "max_stretch", "keep_seams", "seams_at_hard_edges", "seam_angle",
-        "charts", "timeout", "tiles", "by_group", "keep",
+        "symmetry", "charts", "timeout", "tiles", "by_group", "keep",
     )),
     "planar": Method(("axis", "normal", "fit", "sides"), "planar.planar"),
     "cylindrical": Method(("axis", "center", "theta", "height", "caps"), "cylindrical.cylindrical"),
@@ -212,11 +219,15 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             raise OptionError(
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
-        cuts = "keep_seams", "seams_at_hard_edges", "seam_angle", "charts", "timeout"
+        cuts = "keep_seams", "seams_at_hard_edges", "seam_angle", "symmetry", "charts", "timeout"
         for name in ("max_stretch", *cuts) if self.keep else ():
             self._require_default(name, "charts that are kept are not cut; leave it out, or `keep`")
         if self.keep_seams and self.charts == "xatlas":
             raise OptionError("keep_seams: xatlas does not follow given seams; use charts texbake")
+        if self.symmetry == "overlap" and (self.keep_seams or self.charts == "xatlas"):
+            raise OptionError(
+                "symmetry: overlap is for seams that texbake chooses; use auto or off"
+            )
 
     def _require_default(self, name: str, why: str) -> None:
         if getattr(self, name) != getattr(UnwrapOptions, name):

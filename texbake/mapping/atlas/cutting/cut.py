@@ -98,12 +98,13 @@ def cut_charts(
     quality: str = "good",
     method: str = "texbake",
     timeout: float | None = None,
+    area: float | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> Charts:
     """Cut a surface into charts and flatten them.
 
     `weights`: (F, 3) costs of seams along edges, those of `edge_weights`; `timeout`: seconds of
-    xatlas per batch.
+    xatlas per batch; `area`: that of all charts, if there will be others too.
     """
     weights = edge_weights(surface) if weights is None else weights
     # On the grid of the points they may have one, depending on where the grid lies.
@@ -122,7 +123,8 @@ def cut_charts(
         )
     else:
         sizes = _QUALITIES[quality] if surface.seams is None else _AS_MARKED
-        area = float(surface_areas(points[corners[solid]]).sum())
+        if area is None:
+            area = float(surface_areas(points[corners[solid]]).sum())
         if surface.seams is None:
             opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
         labels = _labels(points, corners, opposite, mesh.polygon_of, sizes, weights)

@@ -15,14 +15,23 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.cutting.cut import STRIP_SIDES
+from texbake.mapping.atlas.joining.mates import (
+    JoinPlan,
+    MatesMerge,
+    PlanKey,
+    find_mates_merge,
+    plan_join,
+    relax_mates_merge,
+)
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
-from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
+from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance
 from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -36,6 +45,9 @@ _LEAST_WORK = 3_000_000
 # Fixed cost of flattening two charts, in faces: with thousands of tiny charts little else counts.
 _LEAST_FACES = 8
 
+# Area that joined charts leave empty in their convex hulls, as a share of their own.
+MOST_WASTE = 0.25
+
 # Charts below this share of the mesh's area are not cut, whatever their shape.
 _LEAST_CUT = 0.01
 
@@ -47,24 +59,23 @@ def join_charts(
     most_l2: float,
     most_chart_l2: float | None = None,
     most_share: float = 0.1,
-    most_waste: float = 0.25,
+    most_waste: float = MOST_WASTE,
     most_length: float = math.inf,
     most_work: int = 300,
+    mates_of: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
 ) -> Charts:
-    """Join neighboring charts, cheapest first, up to a share of the area of the mesh."""
+    """Join neighboring charts, cheapest first, up to a share of the area of the mesh.
+
+    `mates_of`: the mirror images of pieces, as `mates` has them, which then stay so.
+    """
     solid = charts.solid
     if not solid.any():
         return charts
     opposite = surface.opposite(solid)
     pieces = pieces_of(surface, charts, opposite)
     area = math.fsum(piece.area for piece in pieces)
-    pieces = [
-        part
-        for piece in pieces
-        for part in compact_parts(
-            piece, opposite, surface.polygons, most_waste=most_waste, least_area=_LEAST_CUT * area
-        )
-    ]
+    if mates_of is None:
+        pieces = _compact(pieces, opposite, surface.polygons, area, most_waste)
     if most_chart_l2 is None:
         most_chart_l2 = max(1.0 + 3.0 * (most_l2 - 1.0), 1.1)
     allowed = MergeTolerance(
@@ -75,9 +86,35 @@ def join_charts(
         chart_length=most_length * math.sqrt(area),
         strip_length=STRIP_SIDES * math.sqrt(area),
     )
-    joining = _Joining(pieces, opposite, allowed, surface.threads)
+    mates = None if mates_of is None else mates_of(pieces)
+    joining = _Joining(pieces, opposite, allowed, mates, surface.threads)
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))
     return charts_of(list(joining.pieces.values()), charts)
+
+
+def _compact(
+    pieces: list[ChartPiece],
+    opposite: IntArray,
+    polygons: IntArray | None,
+    area: float,
+    most_waste: float,
+) -> list[ChartPiece]:
+    """Cut pieces of a surface of some area until they waste at most a share of their hulls."""
+    return [
+        part
+        for piece in pieces
+        for part in compact_parts(
+            piece, opposite, polygons, most_waste=most_waste, least_area=_LEAST_CUT * area
+        )
+    ]
+
+
+def compact_charts(surface: ChartSurface, charts: Charts) -> Charts:
+    """Cut charts as `join_charts` does before it joins them."""
+    opposite = surface.opposite(charts.solid)
+    pieces = pieces_of(surface, charts, opposite)
+    area = math.fsum(piece.area for piece in pieces)
+    return charts_of(_compact(pieces, opposite, surface.polygons, area, MOST_WASTE), charts)
 
 
 @dataclass(eq=False)
@@ -86,9 +123,10 @@ class _Candidate:
 
     one: int
     other: int
+    plan: JoinPlan
     cost: float = 0.0
     effort: int = _GUESSED
-    merge: ChartMerge | None = None
+    merge: ChartMerge | MatesMerge | None = None
 
     def __lt__(self, than: _Candidate) -> bool:
         return (self.cost, self.one, self.other) < (than.cost, than.one, than.other)
@@ -102,9 +140,11 @@ class _Joining:
         pieces: list[ChartPiece],
         opposite: IntArray,
         allowed: MergeTolerance,
+        mates: dict[int, int] | None,
         threads: int | None,
     ) -> None:
         self.pieces = dict(enumerate(pieces))
+        self._mates = mates
         self._opposite = opposite
         self._threads = threads
         self._owners = np.full(len(opposite) // 3, -1, dtype=np.int32)
@@ -121,13 +161,12 @@ class _Joining:
 
     def run(self, most_work: int) -> None:
         """Join until nothing can be joined any more, or `most_work` is used up."""
-        candidates = [
-            _Candidate(index, other)
-            for index in self.pieces
-            for other in self._neighbors(index)
-            if index < other
-        ]
-        self._look_at(candidates, _ROUGH)
+        candidates: dict[PlanKey, _Candidate] = {}
+        for index in self.pieces:
+            for other in self._neighbors(index):
+                candidate = self._candidate(index, other)
+                candidates.setdefault(candidate.plan.key, candidate)
+        self._look_at(list(candidates.values()), _ROUGH)
         while self._queue and self._work < most_work:
             joined = False
             while self._queue and self._work < most_work:
@@ -136,6 +175,9 @@ class _Joining:
                 # Joins that were too expensive or impossible may be possible now.
                 self._queue, self._waiting = self._waiting, []
                 heapq.heapify(self._queue)
+
+    def _candidate(self, one: int, other: int, cost: float = 0.0) -> _Candidate:
+        return _Candidate(one, other, plan_join(one, other, self._mates), cost=cost)
 
     def _room(self) -> MergeTolerance:
         """What is left of the allowance."""
@@ -160,9 +202,12 @@ class _Joining:
             candidate = heapq.heappop(self._queue)
             if not self._is_current(candidate):
                 continue
+            if self._renew(candidate):
+                heapq.heappush(self._queue, candidate)
+                continue
             assert candidate.merge is not None
             if self._room().covers(candidate.merge):
-                self._join(candidate, candidate.merge.piece)
+                self._join(candidate, candidate.merge.made)
                 joined = True
             else:
                 self._waiting.append(candidate)
@@ -177,9 +222,10 @@ class _Joining:
             candidate = heapq.heappop(self._queue)
             if not self._is_current(candidate):
                 continue
-            free = touched.isdisjoint((candidate.one, candidate.other))
+            self._renew(candidate)
+            free = touched.isdisjoint(candidate.plan.members)
             (chosen if free else later).append(candidate)
-            touched |= {candidate.one, candidate.other}
+            touched.update(candidate.plan.members)
         for candidate in later:
             heapq.heappush(self._queue, candidate)
         return chosen
@@ -187,23 +233,30 @@ class _Joining:
     def _is_current(self, candidate: _Candidate) -> bool:
         return candidate.one in self.pieces and candidate.other in self.pieces
 
+    def _renew(self, candidate: _Candidate) -> bool:
+        """Whether the mates of a candidate have changed, so that it must be flattened again."""
+        plan = plan_join(candidate.one, candidate.other, self._mates)
+        changed = plan != candidate.plan
+        if changed:
+            candidate.plan, candidate.effort, candidate.merge = plan, _GUESSED, None
+        return changed
+
     def _look_at(self, candidates: list[_Candidate], n_iterations: int) -> None:
         """Compute the costs of candidates, and queue those that can be joined at all."""
 
         def look(start: int, stop: int) -> None:
             for candidate in candidates[start:stop]:
-                one, other = self.pieces[candidate.one], self.pieces[candidate.other]
                 if candidate.merge is None:
-                    candidate.merge = find_merge(
-                        one,
-                        other,
+                    candidate.merge = find_mates_merge(
+                        self.pieces,
+                        candidate.plan,
                         self._opposite,
                         scale=self._allowed,
                         n_iterations=n_iterations,
                     )
                 else:
-                    candidate.merge = relax_merge(
-                        candidate.merge, one, other, n_iterations=n_iterations
+                    candidate.merge = relax_mates_merge(
+                        candidate.merge, self.pieces, candidate.plan, n_iterations=n_iterations
                     )
 
         run_bands(look, len(candidates), band=1, threads=self._threads)
@@ -211,9 +264,9 @@ class _Joining:
             candidate.effort = n_iterations
             merge = candidate.merge
             candidate.cost = math.inf if merge is None else merge.cost(self._allowed)
-            self._costs[candidate.one][candidate.other] = candidate.cost
-            self._costs[candidate.other][candidate.one] = candidate.cost
-            sizes = [len(self.pieces[i].faces) for i in (candidate.one, candidate.other)]
+            for one, other, *_ in candidate.plan.groups:
+                self._costs[one][other] = self._costs[other][one] = candidate.cost
+            sizes = [len(self.pieces[index].faces) for index in candidate.plan.members]
             self._work += n_iterations * (sum(sizes) + _LEAST_FACES)
             if merge is not None:
                 heapq.heappush(self._queue, candidate)
@@ -223,22 +276,47 @@ class _Joining:
         owners = np.unique(self._owners[across[across >= 0] // 3])
         return [int(owner) for owner in owners if owner != index]
 
-    def _join(self, candidate: _Candidate, piece: ChartPiece) -> None:
-        """Replace two pieces by their union, whose candidates start with the costs of the two."""
-        index = self._next_index
-        self._next_index += 1
-        known = [self._costs.pop(gone) for gone in (candidate.one, candidate.other)]
-        one, other = (self.pieces.pop(gone) for gone in (candidate.one, candidate.other))
-        self.pieces[index] = piece
-        self._excess += piece.excess - one.excess - other.excess
-        self._waste += piece.waste - one.waste - other.waste
-        self._owners[piece.face_ids] = index
-        self._costs[index] = {}
-        for neighbor in self._neighbors(index):
-            guess = min(costs.get(neighbor, math.inf) for costs in known)
-            self._costs[index][neighbor] = self._costs[neighbor][index] = guess
-            new = _Candidate(neighbor, index, cost=guess)
-            if guess < math.inf:
-                heapq.heappush(self._queue, new)
+    def _join(self, candidate: _Candidate, made: Sequence[ChartPiece]) -> None:
+        """Replace pieces by their unions, whose candidates start with the costs of the pieces."""
+        plan = candidate.plan
+        known = [self._costs.pop(gone) for gone in plan.members]
+        before = [self.pieces.pop(gone) for gone in plan.members]
+        indices = list(range(self._next_index, self._next_index + len(made)))
+        self._next_index += len(made)
+        excess, waste = sum(piece.excess for piece in made), sum(piece.waste for piece in made)
+        for piece in before:
+            excess -= piece.excess
+            waste -= piece.waste
+        self._excess += excess
+        self._waste += waste
+        for index, piece in zip(indices, made, strict=True):
+            self.pieces[index] = piece
+            self._owners[piece.face_ids] = index
+            self._costs[index] = {}
+        self._pair(plan, indices)
+        new: dict[PlanKey, _Candidate] = {}
+        for index in indices:
+            for neighbor in self._neighbors(index):
+                guess = min(costs.get(neighbor, math.inf) for costs in known)
+                self._costs[index][neighbor] = self._costs[neighbor][index] = guess
+                candidate = self._candidate(neighbor, index, guess)
+                new.setdefault(candidate.plan.key, candidate)
+        for candidate in new.values():
+            if candidate.cost < math.inf:
+                heapq.heappush(self._queue, candidate)
             else:
-                self._waiting.append(new)
+                self._waiting.append(candidate)
+
+    def _pair(self, plan: JoinPlan, indices: Sequence[int]) -> None:
+        """Note the mates of joined pieces."""
+        if self._mates is None:
+            return
+        for gone in plan.members:
+            self._mates.pop(gone, None)
+        if plan.mate == "self":
+            self._mates[indices[0]] = indices[0]
+        elif plan.mate == "other":
+            self._mates[indices[0]], self._mates[indices[1]] = indices[1], indices[0]
+        elif isinstance(plan.mate, int):
+            self._mates[indices[0]] = plan.mate
+            self._mates[plan.mate] = indices[0]

@@ -5,6 +5,8 @@ Kernel: `core/chart_stitching.c`, which says where charts are stitched.
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from texbake.core import core
@@ -20,6 +22,22 @@ _LEAST_COST = 1e-3
 _NEXT_TO_NOTHING = 0.02
 
 
+class Merge(Protocol):
+    """Pieces flattened as fewer: what that adds, and the stretch of the worst."""
+
+    @property
+    def excess(self) -> float:
+        """What it adds to the stretch; see `MergeTolerance`."""
+
+    @property
+    def waste(self) -> float:
+        """What it adds to the empty area."""
+
+    @property
+    def l2(self) -> float:
+        """The stretch of the worst."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MergeTolerance:
     """How much worse joining may make the charts."""
@@ -33,12 +51,12 @@ class MergeTolerance:
     chart_length: float
     strip_length: float  # a longer piece joins only pieces at least half as long as itself
 
-    def covers(self, merge: ChartMerge) -> bool:
+    def covers(self, merge: Merge) -> bool:
         """Whether a merge is allowed; one that makes nothing worse always is."""
         return (
             merge.excess <= max(self.excess, 0.0)
             and merge.waste <= max(self.waste, 0.0)
-            and merge.piece.l2 <= self.chart_l2
+            and merge.l2 <= self.chart_l2
         )
 
     def has_place(self, one: ChartPiece, other: ChartPiece) -> bool:
@@ -60,11 +78,26 @@ class ChartMerge:
     waste: float
     share: float  # length along which they are stitched, as a share of the shorter border
 
+    @property
+    def made(self) -> tuple[ChartPiece, ...]:
+        """The joined piece."""
+        return (self.piece,)
+
+    @property
+    def l2(self) -> float:
+        """Stretch of the joined piece."""
+        return self.piece.l2
+
     def cost(self, scale: MergeTolerance) -> float:
         """Share of the allowance that it uses, divided by the share that is stitched."""
-        excess = max(self.excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
-        waste = max(self.waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
-        return (excess + waste + _LEAST_COST) / self.share
+        return merge_cost(self.excess, self.waste, self.share, scale)
+
+
+def merge_cost(excess: float, waste: float, share: float, scale: MergeTolerance) -> float:
+    """Share of an allowance that a merge uses, divided by the share that is stitched."""
+    excess = max(excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
+    waste = max(waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
+    return (excess + waste + _LEAST_COST) / share
 
 
 def find_merge(

@@ -1,0 +1,174 @@
+"""The two halves of a symmetric mesh, and which corners of one mirror those of the other.
+
+A polygon lies on one side of the mirror plane, or in the middle if it is large and crosses the
+plane. A small one that crosses the plane, as those of scans do, belongs to the side that most of it
+lies on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.core import portable_math as pm
+from texbake.mapping.atlas.charts import ChartSurface
+from texbake.mapping.corner_uvs import surface_areas
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
+from texbake.mesh.symmetry import MirrorPlane, find_mirror_plane, plane_between
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import weld_rows
+from texbake.records import dataclass
+
+# A polygon crosses the plane if it reaches this far beyond it on both sides, in diagonals.
+_CROSSING = 0.01
+_LARGE = 0.002  # share of the area of the mesh above which such a polygon is large
+# Farthest that a vertex may lie from a mirrored one to be its image, in longest edges of its face.
+_SAME_VERTEX = 0.1
+# Vertices that are looked at first, and the share of them that must have an image.
+_LOOKED_AT = 1000
+_LEAST_MATCHED = 0.5
+# The same share of faces, where those without an image would otherwise tear charts.
+_WELL_MATCHED = 0.97
+_ROUNDS = 2  # of moving the plane to the middle of vertices and their images
+
+
+@dataclass(frozen=True, eq=False)
+class Halves:
+    """The sides of a mesh."""
+
+    plane: MirrorPlane
+    # (F,) int8; -1 or 1 for faces of a side, 0 in the middle, 2 for those without a mirror image.
+    sides: IntArray
+    # (F, 3) int64; the corner, 3 f + c, whose mirror image each corner is; -1 where there is none.
+    # None if the faces do not mirror each other one by one.
+    twins: Int64Array | None
+
+
+def halves_of(surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False) -> Halves:
+    """Find the halves; `apart`: each polygon that is its own mirror image is in the middle."""
+    points, faces = surface.points, surface.faces
+    polygons = np.arange(len(faces), dtype=np.int32)
+    if surface.polygons is not None:
+        polygons = np.unique(surface.polygons, return_inverse=True)[1].astype(np.int32)
+    plane, twins = _twin_corners(points, faces, polygons, plane, surface.threads)
+    least = _LEAST_MATCHED if apart else _WELL_MATCHED
+    if twins is not None and np.count_nonzero(twins[:, 0] >= 0) < least * len(faces):
+        twins = None
+    sides = _sides(points, faces, polygons, plane)
+    if twins is None:
+        return Halves(plane, sides, None)
+    matched = (twins >= 0).all(axis=1)
+    own = matched & (polygons[twins[:, 0] // 3] == polygons)
+    if apart:
+        sides[own] = 0
+    else:
+        sides[own & (sides != 0)] = 1
+    opposed = matched & ~own
+    # Polygons whose centers lie on the plane, to rounding, follow the first of two.
+    wrong = opposed & (sides[twins[:, 0] // 3] != -sides) & (sides != 0)
+    sides[wrong] = np.where(polygons < polygons[twins[:, 0] // 3], 1, -1)[wrong]
+    middle = opposed & (sides == 0)
+    sides[middle & (polygons > polygons[twins[:, 0] // 3])] = 0
+    sides[~matched & (sides != 0)] = 2
+    return Halves(plane, sides, twins)
+
+
+def find_halves(surface: ChartSurface, *, apart: bool = False) -> Halves | None:
+    """Find the mirror plane of a surface, and its halves; None if it is not symmetric."""
+    plane = find_mirror_plane(surface.points, surface.faces, threads=surface.threads)
+    if plane is None:
+        return None
+    halves = halves_of(surface, plane, apart=apart)
+    return halves if (halves.sides > 0).any() and (halves.sides < 0).any() else None
+
+
+def _sides(points: FloatArray, faces: IntArray, polygons: IntArray, plane: MirrorPlane) -> IntArray:
+    """(F,) sides of faces by where they lie."""
+    heights = plane.heights(points)[faces]
+    n_polygons = int(polygons.max()) + 1
+    low, high = np.full(n_polygons, np.inf), np.full(n_polygons, -np.inf)
+    np.minimum.at(low, polygons, heights.min(axis=1))
+    np.maximum.at(high, polygons, heights.max(axis=1))
+    means = np.bincount(polygons, heights.sum(axis=1), n_polygons)
+    areas = np.bincount(polygons, surface_areas(points[faces]), n_polygons)
+    least = _CROSSING * float(pm.norm(np.ptp(points[faces].reshape(-1, 3), axis=0)))
+    sides = np.where(means >= 0.0, 1, -1)
+    sides[(low < -least) & (high > least) & (areas > _LARGE * areas.sum())] = 0
+    return np.asarray(sides[polygons], dtype=np.int32)
+
+
+def _twin_corners(
+    points: FloatArray,
+    faces: IntArray,
+    polygons: IntArray,
+    plane: MirrorPlane,
+    threads: int | None,
+) -> tuple[MirrorPlane, Int64Array | None]:
+    """Mirror image of each corner, and the plane between vertices and their images."""
+    places = weld_rows(points, threads=threads)
+    used = np.unique(places[faces])
+    tree = TriangleTree.build(points, faces, threads=threads)
+    some = used[:: max(len(used) // _LOOKED_AT, 1)]
+    for _ in range(_ROUNDS):
+        images = _images(some, tree, places, plane, threads)
+        found = images >= 0
+        if np.count_nonzero(found) < _LEAST_MATCHED * len(some):
+            return plane, None
+        plane = plane_between(points[some[found]], points[images[found]], plane.error)
+    image_of = np.full(len(points), -1, dtype=np.int64)
+    image_of[used] = _images(used, tree, places, plane, threads)
+    return plane, _twins(places[faces].astype(np.int64), polygons, image_of)
+
+
+def _images(
+    vertices: IntArray,
+    tree: TriangleTree,
+    places: IntArray,
+    plane: MirrorPlane,
+    threads: int | None,
+) -> Int64Array:
+    """(n,) vertices that are the mirror images of vertices, -1 for none."""
+    mirrored = plane.mirrored(tree.positions[vertices])
+    _, face_ids, weights = tree.closest_points(mirrored, threads=threads)
+    corners = tree.faces[face_ids]
+    nearest = np.take_along_axis(corners, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
+    edges = tree.positions[corners] - tree.positions[np.roll(corners, 1, axis=1)]
+    longest = np.sqrt((edges**2).sum(axis=2).max(axis=1))
+    near = pm.norm(tree.positions[nearest] - mirrored, axis=1) <= _SAME_VERTEX * longest
+    return np.where(near, places[nearest], -1).astype(np.int64)
+
+
+def _twins(corners: Int64Array, polygons: IntArray, image_of: Int64Array) -> Int64Array:
+    """(F, 3) mirror images of corners, by polygons that have images of each other's vertices."""
+    images = image_of[corners]
+    n_polygons = int(polygons.max()) + 1
+    codes = _sums(np.repeat(polygons, 3), corners.ravel(), n_polygons)
+    of_images = _sums(np.repeat(polygons, 3), images.ravel(), n_polygons)
+    of_images[polygons[(images < 0).any(axis=1)]] = 0
+    order = np.argsort(codes, kind="stable")
+    at = np.minimum(np.searchsorted(codes[order], of_images), n_polygons - 1)
+    twin = np.where(codes[order[at]] == of_images, order[at], -1)
+    # Only those that are each other's image, so that no polygon is the image of two.
+    twin[(twin >= 0) & (twin[twin] != np.arange(n_polygons))] = -1
+    keys = (np.repeat(polygons, 3).astype(np.int64) << 32) + corners.ravel()
+    wanted = (np.repeat(twin[polygons], 3).astype(np.int64) << 32) + images.ravel()
+    order = np.argsort(keys, kind="stable")
+    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
+    found = np.where(keys[order[at]] == wanted, order[at], -1).reshape(-1, 3)
+    found[(found < 0).any(axis=1)] = -1
+    lost = np.zeros(n_polygons, dtype=bool)
+    lost[polygons[found[:, 0] < 0]] = True
+    lost |= lost[twin] & (twin >= 0)
+    found[lost[polygons]] = -1
+    return found.astype(np.int64)
+
+
+def _sums(owners: IntArray, vertices: Int64Array, n: int) -> Int64Array:
+    """(n,) sums of codes of the different vertices of each owner."""
+    keys = np.unique((owners.astype(np.int64) << 32) + (vertices & 0xFFFFFFFF))
+    codes = (keys & 0xFFFFFFFF).astype(np.uint64) + np.uint64(1)
+    codes *= np.uint64(0x9E3779B97F4A7C15)
+    codes ^= codes >> np.uint64(29)
+    codes *= np.uint64(0xBF58476D1CE4E5B9)
+    sums = np.zeros(n, dtype=np.uint64)
+    np.add.at(sums, keys >> 32, codes)
+    return sums.view(np.int64)
