@@ -43,6 +43,16 @@ def test_one_sided_parts_count():
     assert distance.mean == pytest.approx(0.125, rel=1e-3)
 
 
+def test_the_greatest_distance_lies_on_an_edge_that_bridges_a_valley():
+    x, y, _ = plane(8, 8).positions.T
+    valley = plane(8, 8).replace(positions=np.stack([4 * x - 2, 4 * y - 2, abs(4 * y - 2)], 1))
+    corners = [[0.0, -1.0, 1.0], [0.0, 1.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
+    bridge = Mesh(positions=corners, faces=[[0, 2, 1], [0, 1, 3]])
+    for seed in range(5):
+        distance = surface_distance(bridge, valley, n_samples=50, seed=seed)
+        assert distance.a_to_b.max == pytest.approx(np.sqrt(0.5), rel=1e-12)
+
+
 def test_threads_change_nothing_and_seeds_do():
     a, b = icosphere(3), uv_sphere(9, 14)
     one = surface_distance(a, b, n_samples=30_000, threads=1)

@@ -11,6 +11,12 @@
 
    Of a mesh that bends, the errors in some of its poses are added, each with quadrics of its own.
 
+   Errors are divided by the root of the area that they are summed over. That is between the order of
+   their sums, in which a hand or an ear goes early because its area is small, and that of their means.
+   Near the end, the greatest distance of the vertices that are gone from the faces around is added.
+   Measured on 19 meshes, this brings both the greatest and the RMS distance down; a greater or smaller
+   share of either makes one of the two larger and neither smaller.
+
    Departs from Garland and Heckbert in starting again several times on the way, with the planes of the
    surface as it then is, as Lindstrom and Turk do at every step, beside a share of the errors so far.
 
@@ -41,6 +47,11 @@ static const double PLACE_WEIGHT = 1e-6;
    rim. */
 static const double RESTARTS[] = {4.0, 3.0, 2.0, 1.5, 1.2, 1.0};
 static const double REMEMBERED = 0.3;
+
+/* What the squared distance of places weighs next to the mean of the squared errors, and the restart
+   before which it is not looked at: with vertices that move, and with those that stay. */
+static const double PLACES_WEIGHT = 0.3;
+enum { MEASURED_FROM = 1, MEASURED_FROM_IF_FIXED = 3 };
 
 /* A face is not turned further than this cosine by one collapse. */
 static const double LEAST_COSINE = 0.2;
@@ -198,6 +209,24 @@ static inline bool may_go(const struct simplification *s, int32_t u, int32_t v)
     return s->mesh.kinds[u] == INTERIOR || s->mesh.kinds[v] != INTERIOR;
 }
 
+/* The sum of the weights of the planes of a quadric, of which the squared lengths of normals are 1. */
+static inline double weight_of(const struct quadric *q)
+{
+    return q->xx + q->yy + q->zz;
+}
+
+/* The factor that makes sums of squared errors comparable; 1 where nothing has an area. */
+static inline double factor_of(const struct quadric *q)
+{
+    const double weight = weight_of(q);
+    return weight > 0.0 ? 1.0 / sqrt(weight) : 1.0;
+}
+
+static inline double error_at(const struct quadric *q, struct vector place)
+{
+    return factor_of(q) * quadric_at(q, place);
+}
+
 /* Where u and v meet if they may move, and the error there. */
 static double least_error(
     const double (*points)[4], const struct quadric *quadrics, int32_t u, int32_t v,
@@ -210,9 +239,9 @@ static double least_error(
     struct vector step;
     if (step_to_least(&sum, middle, &step) && dot(step, step) <= 4.0 * dot(edge, edge)) {
         *place = weighted(middle, step, 1.0, 1.0);
-        return quadric_at(&sum, *place);
+        return error_at(&sum, *place);
     }
-    const double at_v = quadric_at(&sum, *place), at_middle = quadric_at(&sum, middle);
+    const double at_v = error_at(&sum, *place), at_middle = error_at(&sum, middle);
     if (at_middle < at_v)
         *place = middle;
     return min_f64(at_v, at_middle);
@@ -228,7 +257,7 @@ static double posed_error(const struct simplification *s, int32_t u, int32_t v, 
         const struct quadric *quadrics = posed_quadrics(s, pose);
         struct vector place;
         sum += meets ? least_error(points, quadrics, u, v, &place)
-                     : quadric_at(&quadrics[u], vector_at(points[v])) + points[v][3];
+                     : error_at(&quadrics[u], vector_at(points[v])) + points[v][3];
     }
     return sum;
 }
@@ -244,7 +273,7 @@ static void collapse_poses(struct simplification *s, int32_t u, int32_t v, bool 
             least_error((const double(*)[4])points, quadrics, u, v, &place);
         quadrics[v] = add_quadrics(&quadrics[u], &quadrics[v]);
         memcpy(points[v], &place, sizeof place);
-        points[v][3] = quadric_at(&quadrics[v], place);
+        points[v][3] = error_at(&quadrics[v], place);
     }
 }
 
@@ -256,7 +285,7 @@ static inline double cost_of(
     if (may_meet(s, u, v))
         return least_error(points, s->quadrics, u, v, place) + posed_error(s, u, v, true);
     *place = vector_at(points[v]);
-    return quadric_at(&s->quadrics[u], *place) + points[v][3] + posed_error(s, u, v, false);
+    return error_at(&s->quadrics[u], *place) + points[v][3] + posed_error(s, u, v, false);
 }
 
 /* Whether a collapse is cheaper than another, and comes after a third one. */
@@ -278,15 +307,17 @@ static double choose_target(struct simplification *s, int32_t u, double cost_bef
     const int n_steps = steps_to_neighbors(mesh, u);
     if (n_steps == 1 && !s->moves && s->n_poses == 0) {
         const struct quadric quadric = s->quadrics[u];
+        const double factor = factor_of(&quadric);
         for (int64_t i = 0; i < around.n; i++) {
             const int32_t v = vertex_after(mesh, around.corners[i], 1);
             const double *point = mesh->points[v];
-            const double cost = quadric_at(&quadric, vector_at(point)) + point[3];
+            const double cost = factor * quadric_at(&quadric, vector_at(point)) + point[3];
             const bool is_next = comes_between(cost, v, least, target, cost_before, before);
             least = is_next ? cost : least;
             target = is_next ? v : target;
         }
         s->targets[u] = target;
+        s->errors[u] = least;
         return least;
     }
     for (int64_t i = 0; i < around.n; i++) {
@@ -303,6 +334,7 @@ static double choose_target(struct simplification *s, int32_t u, double cost_bef
         }
     }
     s->targets[u] = target;
+    s->errors[u] = least;
     return least;
 }
 
@@ -384,6 +416,8 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
     for (int64_t vertex = 0; s->so_far && vertex < n; vertex++)
         s->quadrics[vertex] = scaled_quadric(&s->so_far[s->vertex_ids[vertex]], REMEMBERED);
     s->targets = TAKE(arena, int32_t, n);
+    s->errors = TAKE(arena, double, n);
+    s->is_measured = TAKE_ZEROS(arena, bool, n);
     s->heap = TAKE(arena, struct waiting, n + CHILDREN - 1) + CHILDREN - 1;
     s->is_waiting = TAKE_ZEROS(arena, bool, n);
     s->is_stale = TAKE_ZEROS(arena, bool, n);
@@ -394,10 +428,10 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
         struct quadric *quadrics = posed_quadrics(s, pose);
         add_face_quadrics(mesh, (const double(*)[4])points, quadrics);
         for (int64_t vertex = 0; vertex < n; vertex++)
-            points[vertex][3] = quadric_at(&quadrics[vertex], vector_at(points[vertex]));
+            points[vertex][3] = error_at(&quadrics[vertex], vector_at(points[vertex]));
     }
     for (int64_t vertex = 0; vertex < n; vertex++)
-        mesh->points[vertex][3] = quadric_at(
+        mesh->points[vertex][3] = error_at(
             &s->quadrics[vertex], vector_at(mesh->points[vertex]));
     fill_heap(s);
 }
@@ -414,6 +448,18 @@ static inline void fetch_next(const struct simplification *s)
     }
 }
 
+/* What the distance of places adds to the cost of the first collapse of the heap. */
+static double cost_of_places(
+    struct simplification *s, int32_t u, int32_t v, struct vector place)
+{
+    if (s->places.points == NULL || s->is_measured[u])
+        return 0.0;
+    s->is_measured[u] = true;
+    const double weight = weight_of(&s->quadrics[u]) + weight_of(&s->quadrics[v]);
+    return PLACES_WEIGHT * sqrt(weight)
+        * distance_of_places(&s->mesh, &s->places, s->vertex_ids, u, v, place);
+}
+
 /* Make the cheapest collapse; false where none is possible. */
 bool collapse_cheapest(
     struct simplification *s, int32_t *u, double *cost, struct collapse *collapse)
@@ -426,20 +472,28 @@ bool collapse_cheapest(
             const int32_t v = s->targets[*u];
             struct vector place = vector_at(s->mesh.points[v]);
             *cost = s->moves ? cost_of(s, *u, v, &place) : first->cost;
+            const double added = cost_of_places(s, *u, v, place);
+            if (added > 0.0) {
+                first->cost += added;
+                sift_down(s, 0);
+                continue;
+            }
             if (can_collapse(&s->mesh, *u, v, place, collapse)
                 && carry_attributes(&s->mesh, &s->attributes, *u, v, place, collapse)) {
                 drop_first(s);
                 collapse_poses(s, *u, v, may_meet(s, *u, v));
                 collapse_edge(&s->mesh, *u, v, place, collapse);
+                if (s->places.points != NULL)
+                    join_places(&s->places, s->vertex_ids[*u], s->vertex_ids[v]);
                 s->quadrics[v] = add_quadrics(&s->quadrics[*u], &s->quadrics[v]);
-                s->mesh.points[v][3] = quadric_at(&s->quadrics[v], place);
+                s->mesh.points[v][3] = error_at(&s->quadrics[v], place);
                 update_around(s, v);
                 return true;
             }
         }
         first->cost = s->is_stale[*u] ? choose_any_target(s, *u)
-                                      : choose_target(s, *u, first->cost, s->targets[*u]);
-        s->is_stale[*u] = false;
+                                      : choose_target(s, *u, s->errors[*u], s->targets[*u]);
+        s->is_stale[*u] = s->is_measured[*u] = false;
         if (s->targets[*u] < 0)
             drop_first(s);
         else
@@ -569,6 +623,8 @@ EXPORT int64_t collapse_edges(
         const int64_t n_next = (int64_t)(RESTARTS[i] * (double)n_wanted);
         if (n_next >= n_left)
             continue;
+        if (s.places.points == NULL && i >= (moves ? MEASURED_FROM : MEASURED_FROM_IF_FIXED))
+            begin_places(arena, &s.places, n_vertices, (const double(*)[3])points);
         const arena_mark mark = mark_arena(arena);
         const int64_t n_before = n_left;
         n_left = simplify_from_here(

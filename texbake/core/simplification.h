@@ -192,6 +192,21 @@ bool carry_attributes(
     const struct collapsible_mesh *mesh, const struct carried_attributes *attributes, int32_t u,
     int32_t v, struct vector place, const struct collapse *collapse);
 
+/* carried_places.c */
+
+/* Where the vertices were that came together at each, as lists that begin with its own place. */
+struct carried_places {
+    double (*points)[3]; /* NULL while nothing is carried */
+    int32_t *next, *last; /* in the list of a place, -1 at its end, and that end */
+};
+
+void begin_places(
+    struct arena *arena, struct carried_places *places, int64_t n, const double (*points)[3]);
+void join_places(struct carried_places *places, int32_t u, int32_t v);
+double distance_of_places(
+    const struct collapsible_mesh *mesh, const struct carried_places *places,
+    const int32_t *vertex_ids, int32_t u, int32_t v, struct vector meeting);
+
 /* quadric_simplification.c */
 
 struct waiting {
@@ -209,12 +224,15 @@ struct poses {
 struct simplification {
     struct collapsible_mesh mesh;
     struct carried_attributes attributes;
+    struct carried_places places;
     bool moves; /* vertices go to the place of least error, else one end of the edge stays */
     uint8_t *n_wedges; /* of each vertex that may move: 1, 2 at a seam, and 3 for more */
     struct quadric *quadrics;
     struct quadric *so_far; /* of all vertices when the errors started again; NULL if they never do */
     int32_t *vertex_ids; /* which of those the vertices of the mesh are */
     int32_t *targets; /* of each vertex's cheapest collapse, -1 for none */
+    double *errors;   /* of that collapse, without the distance of places */
+    bool *is_measured; /* the distance of places has been added to its cost */
     struct waiting *heap; /* of the vertices, by the cost of those */
     int64_t n_heap;
     bool *is_waiting; /* in the heap */

@@ -29,6 +29,10 @@ REPORTED_SAMPLES = 10_000  # where a distance is only reported
 # fewer samples are taken.
 _BOXES_ALLOWED, _BOXES_AT_A_POINT = 4e7, 400.0
 
+# The distance peaks at edges that bridge a valley, between samples up to a tenth higher. So many
+# points are added on each edge of so many faces, those of the farthest samples.
+_FARTHEST, _FACES_OF_PEAKS, _POINTS_ON_AN_EDGE = 4096, 256, 15
+
 # 1 / g and 1 / g² for g³ = g + 1: Roberts's sequence in two dimensions.
 _STEPS_2D = (0.7548776662466927, 0.5698402909980532)
 
@@ -37,10 +41,10 @@ _STEPS_2D = (0.7548776662466927, 0.5698402909980532)
 class OneSidedDistance:
     """From the points of one surface to the closest points of another, in model units.
 
-    `mean` and `rms` (root mean square) are over samples of equal area, `max` over those and the
-    vertices, `p99` is what 99 % of the samples lie within. `n_samples` are those that were taken,
-    and `n_left_out` those that were not, because each would have taken too long. `rms` has an error
-    of at most `rms_error` in 19 of 20 cases.
+    `mean` and `rms` (root mean square) are over samples of equal area, `max` over those, the
+    vertices, and points on edges of the faces that are farthest; `p99` is what 99 % of the samples
+    lie within. `n_samples` are those that were taken, and `n_left_out` those that were not, because
+    each would have taken too long. `rms` has an error of at most `rms_error` in 19 of 20 cases.
     """
 
     max: float
@@ -191,10 +195,15 @@ def _one_sided(
     of_samples, _, _ = tree.closest_points(samples, threads=threads)
     vertices = _some_vertices(positions, faces, n)
     of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
+    farthest = np.argsort(-of_samples, kind="stable")[:_FARTHEST]
+    firsts = np.sort(np.unique(face_ids[farthest], return_index=True)[1])[:_FACES_OF_PEAKS]
+    of_peaks, _, _ = tree.closest_points(
+        _points_on_edges(positions, faces[face_ids[farthest[firsts]]]), threads=threads
+    )
     squares = np.square(of_samples)
     rms = np.sqrt(squares.mean())
     figures = {
-        "max": max(of_samples.max(), of_vertices.max()),
+        "max": max(of_samples.max(), of_peaks.max(), of_vertices.max()),
         "p99": np.quantile(of_samples, 0.99),
         "rms": rms,
         # Two standard errors of independent samples; those of equal steps of area lie closer.
@@ -277,6 +286,14 @@ def _points_on(
     positions: FloatArray, faces: IntArray, face_ids: IntArray, barycentrics: FloatArray
 ) -> FloatArray:
     return np.asarray(pm.vecmat(barycentrics, positions[faces[face_ids]]))
+
+
+def _points_on_edges(positions: FloatArray, faces: IntArray) -> FloatArray:
+    """Points at even steps within each edge of some faces."""
+    corners = positions[faces]
+    steps = np.arange(1, _POINTS_ON_AN_EDGE + 1) / (_POINTS_ON_AN_EDGE + 1)
+    steps = steps[:, np.newaxis, np.newaxis, np.newaxis]
+    return ((1.0 - steps) * corners + steps * np.roll(corners, -1, axis=1)).reshape(-1, 3)
 
 
 def _some_vertices(positions: FloatArray, faces: IntArray, at_most: int) -> FloatArray:
