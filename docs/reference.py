@@ -303,7 +303,11 @@ _FURTHER = (
     ("texbake.baking", "`texture.photos.bake_photos`, `texture.solid`, `hits_file`, ..."),
     ("texbake.compat", "`xatlas`, with the API of xatlas-python"),
     ("texbake.rendering", "`scene.lights.Shadow`, `scene.material`, `compare_models`, ..."),
-    ("texbake.pages", "`asset_page.write_bake_page`, `picture_pages.write_slider_page`"),
+    (
+        "texbake.pages",
+        "`asset_page.write_bake_page`, `layout_page.write_layout_page`, "
+        "`picture_pages.write_slider_page`",
+    ),
     ("texbake.study", "`study.run_study`, `bench.run.run_bench`"),
 )
 

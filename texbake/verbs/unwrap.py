@@ -62,9 +62,13 @@ class UnwrapFiles(JobResult[tuple["UnwrapReport", ...]]):
 
 
 def _table(result: JobResult[tuple[UnwrapReport, ...]]) -> Rows:
+    return _rows(result.report)
+
+
+def _rows(reports: Sequence[UnwrapReport]) -> Rows:
     rows: Rows = []
-    for report in result.report:
-        if len(result.report) > 1:
+    for report in reports:
+        if len(reports) > 1:
             rows.append((report.mesh, ""))
         rows.append(("faces", f"{report.n_faces:,}"))
         if report.distortion is None:
@@ -106,6 +110,7 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     Writes("layout", "drawing", "Also draw the charts, as PNG or SVG."),
     Extra("--heat", "Color the layout by stretch.", is_flag=True),
     Writes("checker", "picture", "Also draw the mesh with a checker texture."),
+    Writes("html", "page", "Also write an HTML page with the layout beside the mesh in 3D."),
     REPORT,
     THREADS,
     sections=SECTIONS,
@@ -129,6 +134,7 @@ def unwrap_files(
     layout: PathLike | None = None,
     heat: bool = False,
     checker: PathLike | None = None,
+    html: PathLike | None = None,
     report: PathLike | None = None,
     mtl: bool = True,
     threads: int | None = None,
@@ -165,11 +171,19 @@ def unwrap_files(
         for source, high, (mesh, _), path in zip(sources, read, results, outputs, strict=True)
     ]
     layout_of = [mesh.on_uv_set(options.uv_set) for mesh, _ in results]
-    _draw(layout_of, layout, options.size, checker, heat=heat, threads=threads)
     reports = tuple(figures for _, figures in results)
+    _draw(layout_of, layout, options.size, checker, heat=heat, threads=threads)
+    if html is not None:
+        from texbake.mesh.compose import join_meshes
+        from texbake.pages.layout_page import write_layout_page
+
+        write_layout_page(html, join_meshes(layout_of), options.size, figures=_rows(reports))
     notes = [f"{made.mesh}: {note}" for made in reports for note in made.notes]
     return UnwrapFiles(
-        files=(*(file for files, _ in written for file in files), *present_paths(layout, checker)),
+        files=(
+            *(file for files, _ in written for file in files),
+            *present_paths(layout, checker, html),
+        ),
         report=reports,
         warnings=(*notes, *(line for _, lines in written for line in lines)),
     )

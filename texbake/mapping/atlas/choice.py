@@ -17,6 +17,7 @@ from texbake.mapping.atlas.cutting.parts import connected_parts, split_parts
 from texbake.mapping.atlas.cutting.repair import repair_charts
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import relax_charts
+from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.necks import divide_at_necks
 from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of
 from texbake.mapping.atlas.joining.straighten import straighten_charts
@@ -29,6 +30,8 @@ from texbake.parallel import run_bands
 _LEAST_FACES, _MOST_FACES, _LEAST_SHARE = 100, 100_000, 0.02
 # One that stretches more as one chart, as a share of the least energy, is left to other cuts.
 _MOST_ENERGY = 1.3
+# Stretch and empty area, in areas of the mesh, of charts that split-off faces join: any.
+_MOST_L2, _ANY_WASTE = 1.5, 1e6
 # Empty area that cutting off a limb saves, in units of the length of the cut times the side of a
 # square as large as the mesh: what each candidate asks for.
 _GAINS = (0.25, 0.12, 0.06, 0.03)
@@ -147,4 +150,12 @@ def _repaired(surface: ChartSurface, charts: Charts) -> Charts:
     solid = np.flatnonzero(charts.solid).astype(np.int32)
     corners = surface.points[surface.faces[solid]]
     repaired = repair_charts(corners, charts.faces[solid], charts.uvs, charts.chart_ids, even=False)
-    return charts if repaired is None else gather_charts(surface.faces, [(solid, repaired)])
+    if repaired is None:
+        return charts
+    gathered = gather_charts(surface.faces, [(solid, repaired)])
+    if gathered.n_charts == charts.n_charts:
+        return gathered
+    # Single faces that were split off find a place at another side.
+    return join_charts(
+        surface, gathered, most_l2=_MOST_L2, most_share=_LEAST_SHARE, most_waste=_ANY_WASTE
+    )
