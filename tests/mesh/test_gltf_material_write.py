@@ -221,3 +221,27 @@ def test_tangents_are_those_of_the_image_as_it_lies(tmp_path, placing, turned_by
     expected += np.sin(angle) * along_v / np.linalg.norm(along_v)
     np.testing.assert_allclose(tangents[..., :3], np.broadcast_to(expected, (2, 3, 3)), atol=1e-6)
     np.testing.assert_array_equal(tangents[..., 3], 1.0)
+
+
+def test_extensions_that_are_not_baked_are_carried_along(tmp_path):
+    image = ChannelImage(png(), "thickness.png")
+    volume = {"attenuationColor": [1.0, 0.5, 0.0], "thicknessFactor": 0.5}
+    material = MeshMaterial(
+        name="glass",
+        extensions={
+            "KHR_materials_ior": {"ior": 1.33},
+            "KHR_materials_volume": {**volume, "thicknessTexture": image},
+        },
+    )
+    mesh = plane()
+    ids = np.zeros(mesh.n_faces, np.int32)
+    materials = Materials(face_materials=ids, materials=(material,))
+    write_glb(mesh, tmp_path / "a.glb", materials=materials)
+    made = read_materials(tmp_path / "a.glb", read_gltf(tmp_path / "a.glb"))
+    assert made.missing == () and made.has_images
+    (glass,) = made.materials
+    assert glass.extensions["KHR_materials_ior"] == {"ior": 1.33}
+    kept = dict(glass.extensions["KHR_materials_volume"])
+    assert kept.pop("thicknessTexture").data == image.data and kept == volume
+    (bare,) = made.without_images().materials
+    assert bare.extensions["KHR_materials_volume"] == volume

@@ -6,6 +6,7 @@ from one image share one: occlusion, roughness and metallic; base color and alph
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
@@ -260,8 +261,8 @@ def shared_materials(
     """Return materials of a mesh that share one set of images.
 
     One material is enough unless the source is opaque in one place and not in another, or
-    double-sided, or unlit: a renderer asks that of a material as a whole. A face then has the
-    material of the nearest point of the source.
+    double-sided, or unlit, or has extensions that are not baked: a renderer asks that of a material
+    as a whole. A face then has the material of the nearest point of the source.
     """
     kinds = [replace(material, name="", channels={}) for material in materials.materials]
     used = np.unique(materials.face_materials).tolist()
@@ -285,23 +286,26 @@ def shared_materials(
                 alpha_cutoff=key[1],
                 is_double_sided=key[2],
                 is_unlit=key[3],
+                extensions=json.loads(key[4]),
             )
             for title, key in zip(names, distinct, strict=True)
         ),
     )
 
 
-_Kind = tuple[str, float, bool, bool]
+_Kind = tuple[str, float, bool, bool, str]
 
 
 def _as_key(material: MeshMaterial) -> _Kind:
     cutoff = material.alpha_cutoff if material.alpha_mode == "mask" else 0.5
-    return material.alpha_mode, cutoff, material.is_double_sided, material.is_unlit
+    extensions = json.dumps(material.on_uv_sets(()).extensions, sort_keys=True)
+    return material.alpha_mode, cutoff, material.is_double_sided, material.is_unlit, extensions
 
 
 def _title(kind: _Kind) -> str:
-    mode, _, is_double_sided, is_unlit = kind
+    mode, _, is_double_sided, is_unlit, extensions = kind
     words = [mode, *(["double-sided"] if is_double_sided else []), *(["unlit"] if is_unlit else [])]
+    words += [name.removeprefix("KHR_materials_") for name in json.loads(extensions)]
     return " ".join(words)
 
 

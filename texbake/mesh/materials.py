@@ -120,6 +120,15 @@ class MeshMaterial:
     alpha_cutoff: float = 0.5
     is_double_sided: bool = False
     is_unlit: bool = False  # shown in its base color, whatever the light
+    # extensions of glTF that are carried along, by name: properties, a texture as `ChannelImage`
+    extensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def images(self) -> tuple[ChannelImage, ...]:
+        """Images of its channels and extensions."""
+        channels = (s.image for s in self.channels.values() if s.image is not None)
+        values = (v for extension in self.extensions.values() for v in extension.values())
+        return (*channels, *(v for v in values if isinstance(v, ChannelImage)))
 
     @property
     def has_images(self) -> bool:
@@ -134,7 +143,15 @@ class MeshMaterial:
                 channels[name] = source
             elif name not in ("normal", "occlusion"):
                 channels[name] = ChannelSource(source.factor)
-        return replace(self, channels=channels)
+        extensions = {
+            name: {
+                key: value
+                for key, value in extension.items()
+                if not isinstance(value, ChannelImage) or value.uv_set in uv_sets
+            }
+            for name, extension in self.extensions.items()
+        }
+        return replace(self, channels=channels, extensions=extensions)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,12 +191,7 @@ class Materials:
     @property
     def image_uv_sets(self) -> set[int]:
         """Sets of texture coordinates that images lie on."""
-        return {
-            source.image.uv_set
-            for material in self.materials
-            for source in material.channels.values()
-            if source.image is not None
-        }
+        return {image.uv_set for material in self.materials for image in material.images}
 
     def without_images(self) -> Materials:
         """Return the materials with their factors alone, for a mesh without coordinates."""

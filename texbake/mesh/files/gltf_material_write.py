@@ -75,6 +75,13 @@ def add_material(
         content["doubleSided"] = True
     if material.is_unlit:
         extensions["KHR_materials_unlit"] = {}
+    for name, given in material.extensions.items():
+        extensions[name] = {
+            key: _placed_texture(asset, material, value, numbers, uv_matrices)
+            if isinstance(value, ChannelImage)
+            else value
+            for key, value in given.items()
+        }
     if extensions:
         content["extensions"] = extensions
         for extension in extensions:
@@ -119,15 +126,27 @@ def _texture_info(
     numbers: Mapping[int, int],
     uv_matrices: Mapping[int, FloatArray],
 ) -> dict[str, Any]:
-    texture = asset.add_texture(image.data, wraps=image.wraps, is_nearest=image.is_nearest)
-    info: dict[str, Any] = {"index": texture}
-    if numbers[image.uv_set]:
-        info["texCoord"] = numbers[image.uv_set]
+    info = _placed_texture(asset, material, image, numbers, uv_matrices)
     for where, source in slot.sources(material):
         if where.name == "normal" and source.factor[0] != 1.0:
             info["scale"] = source.factor[0]
         if where.name == "occlusion" and source.factor[0] != 1.0:
             info["strength"] = source.factor[0]
+    return info
+
+
+def _placed_texture(
+    asset: GltfAsset,
+    material: MeshMaterial,
+    image: ChannelImage,
+    numbers: Mapping[int, int],
+    uv_matrices: Mapping[int, FloatArray],
+) -> dict[str, Any]:
+    """Add a texture, and return the object that says which and how it lies on the surface."""
+    texture = asset.add_texture(image.data, wraps=image.wraps, is_nearest=image.is_nearest)
+    info: dict[str, Any] = {"index": texture}
+    if numbers[image.uv_set]:
+        info["texCoord"] = numbers[image.uv_set]
     if image.placing != UNPLACED or image.uv_set in uv_matrices:
         asset.use(_TRANSFORM)
         stored = uv_matrices.get(image.uv_set, np.eye(3))

@@ -18,8 +18,10 @@ from texbake.core import portable_math as pm
 from texbake.errors import shortened
 from texbake.files import PathLike
 from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
+from texbake.mesh.files.conversion import media_type
 from texbake.mesh.files.gltf import scene_nodes
 from texbake.mesh.files.gltf_document import FLIP, Document, read_document
+from texbake.mesh.files.gltf_extensions import CARRIED, read_extensions
 from texbake.mesh.files.gltf_materials import (
     OF_TEXTURE,
     GltfSource,
@@ -70,7 +72,12 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         materials=tuple(reader.material(index) for index in order),
         has_vertex_colors=mesh.colors is not None,
     )
-    unread = Counter(part for index in order for part in unread_extensions(document, index))
+    unread = Counter(
+        part
+        for index in order
+        for part in unread_extensions(document, index)
+        if part not in CARRIED
+    )
     for part, n in unread.items():
         reader.missing.add("", f"{shortened(part)} of {n} material{'s' * (n > 1)} is not read")
     uv_sets = reader.uv_sets(on_all_sets.image_uv_sets - {0}, primitives, mesh)
@@ -97,9 +104,17 @@ class _MaterialReader:
             source = self._source(FILE_CHANNELS[name], part, material.name)
             if source is not None:
                 channels[name] = source
+        given = {} if index is None else self.document.item("materials", index)
+        extensions = self.document.mapping(given, "extensions")
+
+        def image_of(key: str, texture: GltfTexture) -> ChannelImage | None:
+            image = self._image(key, (0, 1, 2), texture, material.name)
+            return None if image is None or media_type(image.data) is None else image
+
         return MeshMaterial(
             name=material.name,
             channels=channels,
+            extensions=read_extensions(self.document, extensions, image_of),
             alpha_mode=material.alpha_mode,
             alpha_cutoff=material.alpha_cutoff,
             is_double_sided=material.is_double_sided,
@@ -136,7 +151,11 @@ class _MaterialReader:
     ) -> ChannelSource | None:
         """Return where a channel comes from; None where it changes nothing."""
         texture, factor = source.texture, source.factor
-        image = None if texture is None else self._image(where, texture, material)
+        image = (
+            None
+            if texture is None
+            else self._image(where.name, where.components, texture, material)
+        )
         if image is None and where.name in OF_TEXTURE:
             return None
         if where.name == "normal":
@@ -148,7 +167,7 @@ class _MaterialReader:
         )
 
     def _image(
-        self, where: FileChannel, texture: GltfTexture, material: str
+        self, channel: str, components: tuple[int, ...], texture: GltfTexture, material: str
     ) -> ChannelImage | None:
         """Read the image of a texture; None, and a note, where it is missing."""
         index = texture.image
@@ -160,12 +179,12 @@ class _MaterialReader:
             line = f"{shortened(material)}: {data}; the material keeps its factors"
             uri = None if index is None else self.document.items("images")[index].get("uri")
             named = unquote(uri) if isinstance(uri, str) and not uri.startswith("data:") else None
-            self.missing.add(where.name, line, image=named)
+            self.missing.add(channel, line, image=named)
             return None
         return ChannelImage(
             data=data,
             name=f"{self.document.path}: images[{first}]",
-            components=where.components,
+            components=components,
             wraps=texture.wraps,
             placing=_placing(texture),
             uv_set=texture.uv_set,
