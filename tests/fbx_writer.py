@@ -168,3 +168,58 @@ def rich_scene(version):
         "door": ({"Lcl Scaling": [2.0, 2.0, 2.0], "Lcl Rotation": [90.0, 0.0, 0.0]}, "wall"),
     }
     return scene(version, layers=layers, models=models, materials=("red", "blue"))
+
+
+def moving_scene():
+    """A wall that a bone at (1, 0, 0) moves in part, and a shape; a door that turns by itself."""
+    models = {
+        "wall": ({"Lcl Translation": [0.0, 0.0, 5.0]}, None),
+        "bone": ({"Lcl Translation": [1.0, 0.0, 5.0]}, None),
+        "door": ({}, None),
+    }
+    nodes = scene(7400, models=models)
+    bind = np.eye(4)
+    bind[3, 0] = -1.0  # of the wall to the bone, in rows
+    curve = [
+        ("KeyTime", [np.array([0, 46_186_158_000])], []),
+        ("KeyValueFloat", [np.array([0.0, 90.0], np.float32)], []),
+        ("KeyAttrFlags", [np.array([4], np.int32)], []),
+        ("KeyAttrDataFloat", [np.zeros(4, np.float32)], []),
+        ("KeyAttrRefCount", [np.array([2], np.int32)], []),
+    ]
+    weights = np.array([0.5, 1.0, 1.0])
+    cluster = [
+        ("Indexes", [np.array([1, 2, 5], np.int32)], []),
+        ("Weights", [weights], []),
+        ("Transform", [bind.ravel()], []),
+        ("TransformLink", [np.eye(4).ravel()], []),
+    ]
+    bump = [
+        ("Indexes", [np.array([0, 6], np.int32)], []),
+        ("Vertices", [np.array([0.0, 0, 1, 0, 0, 2])], []),
+    ]
+    nodes[1][2].extend([
+        ("Geometry", [11, "door\0\1Geometry", "Mesh"], shape()),
+        ("Deformer", [70, "\0\1Deformer", "Skin"], []),
+        ("Deformer", [71, "\0\1SubDeformer", "Cluster"], cluster),
+        ("Deformer", [72, "\0\1Deformer", "BlendShape"], []),
+        ("Deformer", [73, "bump\0\1SubDeformer", "BlendShapeChannel"],
+         [("DeformPercent", [25.0], [])]),
+        ("Geometry", [74, "bump\0\1Geometry", "Shape"], bump),
+        ("AnimationStack", [75, "turn\0\1AnimStack", ""], []),
+        ("AnimationLayer", [76, "\0\1AnimLayer", ""], []),
+        ("AnimationCurveNode", [77, "R\0\1AnimCurveNode", ""], []),
+        ("AnimationCurve", [78, "\0\1AnimCurve", ""], curve),
+        ("AnimationCurveNode", [79, "DeformPercent\0\1AnimCurveNode", ""], []),
+    ])  # fmt: skip
+    links = [("OO", *pair) for pair in (
+        (11, 102), (70, 10), (71, 70), (101, 71), (72, 10), (73, 72), (74, 73), (76, 75), (77, 76),
+        (79, 76),
+    )]  # fmt: skip
+    links += [("OP", 77, 101, "Lcl Rotation"), ("OP", 77, 102, "Lcl Rotation")]
+    links += [("OP", 78, 77, "d|Z"), ("OP", 79, 73, "DeformPercent"),
+              ("OP", 78, 79, "d|DeformPercent")]  # fmt: skip
+    nodes[2][2].extend([("C", list(link), []) for link in links])
+    taken = (["OO", 10, 101], ["OO", 10, 102])
+    nodes[2][2][:] = [each for each in nodes[2][2] if each[1] not in taken]
+    return nodes

@@ -74,6 +74,28 @@ def _fbx_seed(version, form):
     return make
 
 
+def _character_seed(path):
+    """A skin, a morph target, animations, a camera and a light."""
+    from character import character
+
+    from texbake import write_mesh
+
+    mesh, rig = character(3, 4)
+    whole = path.with_suffix(".glb")
+    write_mesh(mesh, whole, rig=rig)
+    if path != whole:
+        _unpacked(whole, path)
+
+
+def _moving_fbx_seed(form):
+    def make(path):
+        from fbx_writer import moving_scene, written
+
+        path.write_bytes(written(moving_scene(), 7400, form))
+
+    return make
+
+
 def _layered_fbx_seed(form):
     """FBX without normals, with smoothing by edge, two sets of texture coordinates, a texture."""
 
@@ -270,6 +292,18 @@ def _read_all(path):
     return read_materials(path, read_mesh(path))
 
 
+def _read_character(path):
+    """Read what moves a mesh, pose it, and write it again."""
+    from texbake import read_mesh, write_mesh
+    from texbake.mesh.poses import with_poses
+    from texbake.mesh.rig import read_rig
+
+    mesh, rig = read_mesh(path), read_rig(path)
+    again = path.with_name("again.glb")
+    write_mesh(with_poses(mesh, rig), again, rig=rig)
+    return read_mesh(again), read_rig(again)
+
+
 def _read_mtl(path):
     return _read_all(path.with_suffix(".obj"))
 
@@ -318,6 +352,10 @@ FORMATS: dict[str, tuple[str, Maker, Reader]] = {
     "fbx ascii 6": (".fbx", _fbx_seed(6100, "ascii"), _read_mesh),
     "fbx binary layers": (".fbx", _layered_fbx_seed("binary"), _read_all),
     "fbx ascii layers": (".fbx", _layered_fbx_seed("ascii"), _read_all),
+    "glb character": (".glb", _character_seed, _read_character),
+    "gltf character": (".gltf", _character_seed, _read_character),
+    "fbx binary character": (".fbx", _moving_fbx_seed("binary"), _read_character),
+    "fbx ascii character": (".fbx", _moving_fbx_seed("ascii"), _read_character),
     "glb materials": (".glb", _materials_seed(".glb"), _read_all),
     "gltf materials": (".gltf", _materials_seed(".gltf"), _read_all),
     "glb scene": (".glb", _mesh_seed, _read_scene),
