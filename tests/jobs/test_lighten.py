@@ -9,6 +9,7 @@ import pytest
 from tests.character import character, posed
 from tests.glb import read_glb
 from texbake.errors import OptionError, ReadWarning, UvError, heard_warnings
+from texbake.jobs.light_images import Picture, coded, decoded, psnr
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import RunOptions
@@ -295,9 +296,9 @@ def test_a_lightened_character_moves_as_before(tmp_path):
 KEPT = LightenOptions(n_faces=1500, uvs="keep", views=0)
 
 
-def atlas_of_balls(folder, *, overlap):
+def atlas_of_balls(folder, *, overlap, rows=24):
     """Three balls as nodes, side by side in the texture or all at one place of it."""
-    ball = uv_sphere(24, 48)
+    ball = uv_sphere(rows, 2 * rows)
     parts = []
     for i, name in enumerate(("body", "left", "right")):
         uvs = ball.uvs if overlap else (ball.uvs * 0.9 + 0.05 + np.array([i, 0.0])) / [3.0, 1.0]
@@ -359,3 +360,31 @@ def test_a_texture_too_small_for_the_charts_names_the_size_that_does(tmp_path):
     options = replace(KEPT, uvs="new", size=16)
     with pytest.raises(UvError, match="at 16 x 16; use `size` "):
         lighten_file(model, tmp_path / "light.glb", options)
+
+
+def test_a_target_size_is_kept_and_more_bytes_come_closer(tmp_path):
+    model = atlas_of_balls(tmp_path, overlap=True, rows=6)
+    found = []
+    for target in (15_000, 60_000):
+        options = LightenOptions(target_size=target, views=2)
+        found.append(lighten_file(model, tmp_path / "light.glb", options).report)
+        assert found[-1].n_bytes == (tmp_path / "light.glb").stat().st_size <= target
+    assert found[0].comparison.mean_db < found[1].comparison.mean_db
+    with pytest.raises(OptionError, match=r"target_size: .* does not get smaller than"):
+        lighten_file(model, tmp_path / "light.glb", LightenOptions(target_size=500))
+
+
+@pytest.mark.parametrize("size", ["0", "-5kB", "five", "nan", ""])
+def test_what_is_no_size_of_a_file_is_an_error(size):
+    with pytest.raises(OptionError, match=r"^target_size: "):
+        LightenOptions(target_size=size)
+
+
+def test_a_quality_leaves_forty_decibels_if_any_does():
+    ramp = np.linspace(0, 255, 64).astype(np.uint8)
+    codes = np.broadcast_to(ramp[:, np.newaxis, np.newaxis], (64, 64, 3)).copy()
+    data = coded(Picture("ramp", codes, True), "webp", quality=None, side=64)
+    assert psnr(decoded(data, 3), codes) >= 40.0
+    small = coded(Picture("ramp", codes, True), "png", quality=None, side=16)
+    assert decoded(small, 3).shape == (16, 16, 3)
+    assert coded(Picture("ramp", codes, True, data), "webp", quality=100, side=64) == data

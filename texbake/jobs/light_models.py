@@ -15,12 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.errors import OptionError
+from texbake.files import PathLike
 from texbake.jobs.light_images import Picture, pictures_of
 from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import DEFAULT_PADDING
 from texbake.mapping.overlap import find_overlaps, layout_notes
+from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals, with_normals
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
 from texbake.mesh.mesh import Mesh
@@ -77,7 +79,10 @@ class Source:
         return self.options.target_faces(self.mesh.n_faces)
 
     def lightened(self, n_faces: int, *, may_unwrap: bool = True) -> LightModel:
-        """Return the model with fewer triangles, as the options ask for texture coordinates."""
+        """Return the model with fewer triangles, as the options ask for texture coordinates.
+
+        With `auto`, coordinates that overlap stay unless the model `may_unwrap`.
+        """
         why = self._why_new_uvs()
         if self.options.uvs == "keep" and why:
             raise OptionError(f"uvs: {self.mesh.name} {why}; use new")
@@ -85,9 +90,9 @@ class Source:
             return self._with_new_uvs(n_faces)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
-        if self.options.uvs == "keep" or simplified is None:
+        if self.options.uvs == "keep" or simplified is None or not may_unwrap:
             return kept
-        if kept.baked is None and may_unwrap:
+        if kept.baked is None:
             return self._with_new_uvs(n_faces)
         if simplified.is_close_to_count:
             return kept
@@ -97,6 +102,21 @@ class Source:
             f"{simplified.n_faces:,} triangles; it has new ones"
         )
         return replace(again, warnings=(*again.warnings, note))
+
+    def write(self, light_model: LightModel, materials: Materials, path: PathLike) -> Rig | None:
+        """Write a lightened model; return the nodes of its file and what moves, if they stay."""
+        options, rig = self.options, self.rig
+        if rig is not None and (options.join or not rig.fits(light_model.mesh)):
+            rig = None
+        write_glb(
+            light_model.mesh,
+            path,
+            materials=materials,
+            compress=options.compress,
+            quantize=options.quantize,
+            rig=rig,
+        )
+        return rig
 
     def _why_new_uvs(self) -> str:
         """Why the texture coordinates cannot stay, or had better not; "" if they can."""

@@ -15,6 +15,7 @@ import numpy as np
 from texbake.baking.report import BakeReport
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike, written_file
+from texbake.jobs.light_budget import Budget
 from texbake.jobs.light_images import Picture, coded, coded_pictures, with_files
 from texbake.jobs.light_models import LightModel, Source
 from texbake.jobs.lighten_options import LightenOptions
@@ -24,7 +25,6 @@ from texbake.mapping.unwrap import UnwrapReport
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.contents import model_bytes
 from texbake.mesh.files.gltf_compression import require_compression
-from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
@@ -145,21 +145,17 @@ def lighten(
         materials = _materials(model, source)
         rig = read_rig(model)
     whole = Source(source, materials, rig, options, stages, progress)
-    light_model = whole.lightened(whole.n_faces)
-    if rig is not None and (options.join or not rig.fits(light_model.mesh)):
-        rig = None
-    warnings = [*left_out(model, rig)]
-    with stages.part("encode images"):
-        written = _coded(light_model, options)
+    n_bytes_before = model_bytes(model, _images(materials))
+    if options.target_bytes is not None:
+        trial = Budget(model, whole).within(options.target_bytes)
+        light_model, written = trial.light_model, trial.materials
+    else:
+        light_model = whole.lightened(whole.n_faces)
+        with stages.part("encode images"):
+            written = _coded(light_model, options)
     with stages.part("write"):
-        write_glb(
-            light_model.mesh,
-            output,
-            materials=written,
-            compress=options.compress,
-            quantize=options.quantize,
-            rig=rig,
-        )
+        rig = whole.write(light_model, written, output)
+    warnings = [*left_out(model, rig)]
     comparison = None
     n_parts = max(len(materials.materials), len(source.group_names))
     if options.views and html is None and n_parts > _MOST_PARTS:
@@ -173,7 +169,7 @@ def lighten(
     figures = LightenReport(
         n_faces_before=source.n_faces,
         n_faces=light_model.mesh.n_faces,
-        n_bytes_before=model_bytes(model, _images(materials)),
+        n_bytes_before=n_bytes_before,
         n_bytes=written_file(output).stat().st_size,
         keeps_uvs=light_model.keeps_uvs,
         n_materials_before=len(materials.materials),

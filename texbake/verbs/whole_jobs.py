@@ -182,6 +182,7 @@ RUN = step_of(
     examples="""
       texbake lighten model.glb -o light.glb --html light.html
       texbake lighten model.fbx -o light.glb --faces 5000 --size 1024
+      texbake lighten model.glb -o light.glb --target-size 500kB
     """,
 )
 def lighten_file(
@@ -196,9 +197,11 @@ def lighten_file(
 ) -> JobResult[LightenReport]:
     """Make MODEL smaller, with all of its materials.
 
-    MODEL is simplified, unwrapped once, and every channel of its materials is baked into one set of
-    images: base color and alpha, metallic, roughness, occlusion, emissive, normal, clearcoat,
-    transmission, sheen and specular. Its own normal maps are part of the new one.
+    MODEL is simplified. Texture coordinates that are an atlas stay, with the images of each
+    material, and get a new normal map. Otherwise MODEL is unwrapped once, and every channel of its
+    materials is baked into one set of images: base color and alpha, metallic, roughness, occlusion,
+    emissive, normal, clearcoat, transmission, sheen and specular. Its own normal maps are part of
+    the new one.
     """
     from texbake.jobs.lighten import lighten
 
