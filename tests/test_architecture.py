@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[1]
 # A package imports from itself and from those before it; the first is texbake/ itself, without its
 # __init__.py, which points into every package.
 PACKAGES = (
-    "", "core", "mesh", "mapping", "texture", "raycast", "sampling", "baking", "rendering",
+    "", "core", "mesh", "raycast", "mapping", "texture", "sampling", "baking", "rendering",
     "checks", "pages", "jobs", "verbs", "building", "study", "compat",
 )  # fmt: skip
 # ... and these do not import each other.

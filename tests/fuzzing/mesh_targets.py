@@ -159,6 +159,7 @@ def atlas(drawn):
     limits = {} if keep else {
         "max_stretch": drawn.pick((None, None, 1.05, 1.5)),
         "seam_angle": drawn.pick((None, None, 10.0, 90.0)),
+        "hide_seams": drawn.pick((0.5, 0.0, 1.0)),
     }  # fmt: skip
     options = drawn.options(
         tb.UnwrapOptions, "by_group", *(() if keep else ("seams_at_hard_edges",)),
@@ -166,7 +167,8 @@ def atlas(drawn):
         size=size, padding=drawn.pick((0, 1, 4)), tiles=drawn.pick((1, 1, 1, 3)), keep=keep,
         **limits,
     )  # fmt: skip
-    mapped = tb.unwrap(mesh, options)
+    protect = None if keep or drawn.flag() else np.arange(drawn.below(mesh.n_faces + 1))
+    mapped = tb.unwrap(mesh, options, protect=protect)
     assert np.array_equal(mapped.positions, mesh.positions)
     if not keep:
         assert not find_overlaps(mapped.corner_uvs()).overlapping.any()

@@ -100,3 +100,13 @@ def test_charts_that_cannot_improve_stay():
     now = straighten_charts(surface, charts, edge_weights(surface))
     cuts = (seam_edges(mesh.replace(uvs=each.uvs, uv_faces=each.faces)) for each in (charts, now))
     assert np.array_equal(*cuts)
+
+
+def test_seams_are_cheap_where_little_light_comes():
+    mesh = plane(32, 32, lambda x, y: 2.0 * np.abs(x - 0.5))  # a groove along x = 1/2
+    surface = surface_of(mesh)
+    bottom = (np.abs(surface.points[mesh.faces].mean(axis=1)[:, 0]) < 0.05).ravel()
+    rim = (np.abs(surface.points[mesh.faces].mean(axis=1)[:, 0]) > 0.2).ravel()
+    alike, hidden = (edge_weights(surface, hide=hide) for hide in (0.0, 1.0))
+    assert (alike[rim] == 1.0).all()
+    assert 1.5 * hidden[bottom].mean() < hidden[rim].mean()

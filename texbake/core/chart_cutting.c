@@ -99,9 +99,29 @@ static void shape(struct cutting *cutting, struct part *part, int level)
     }
 }
 
+/* Whether a part is a single polygon, or protected faces, which count as one. */
+static bool is_polygon(const struct cutting *cutting, const struct part *part)
+{
+    if (part->n_faces < 2 || !(is_in_polygon(cutting, part, 0) || is_in_polygon(cutting, part, 1)
+            || is_in_polygon(cutting, part, 2)))
+        return false;
+    const arena_mark mark = mark_arena(cutting->arena);
+    int32_t *firsts = TAKE(cutting->arena, int32_t, part->n_faces);
+    find_polygons(cutting, part, firsts);
+    bool is_one = true;
+    for (int64_t face = 0; face < part->n_faces; face++)
+        is_one &= firsts[face] == 0;
+    reset_arena(cutting->arena, mark);
+    return is_one;
+}
+
 /* Make charts of a part, divided as often as it takes. */
 static void cut(struct cutting *cutting, struct part *part, int level)
 {
+    if (part->is_laid && part->is_injective && is_polygon(cutting, part)) {
+        cutting->charts[cutting->n_charts++] = part;
+        return;
+    }
     bool is_done = part->is_laid && part->l2 <= cutting->limits.most_l2;
     if (!is_done)
         is_done = cut_open(cutting, part);

@@ -28,6 +28,9 @@ static const double MOST_DEFECT = 25.0 * 3.14159265358979323846 / 180.0;
 /* Cost of a merge that makes nothing worse; the one that stitches most of a border is then first. */
 static const double LEAST_COST = 1e-3;
 
+/* Most that a seam costs here for its length, as no border runs where weights are infinite. */
+static const double MOST_WEIGHT = 4.0;
+
 /* The least gain that ends the flattening, as in flatten.py. */
 static const double ACCURACY = 1e-3;
 
@@ -49,7 +52,7 @@ struct contact {
     int64_t n;
     int32_t *at[2];  /* positions in the borders of both charts */
     int32_t *paths;  /* the path that each belongs to */
-    double *lengths; /* in space */
+    double *lengths; /* in space, times the weights of seams */
     double *turns;   /* angle that the vertex at the start would have inside the joined chart; NaN at
                         the start of a path */
 };
@@ -121,7 +124,7 @@ static int64_t find_in_border(const struct chart *chart, int32_t half_edge)
 /* Find where two charts meet. */
 static struct contact find_contact(
     struct arena *arena, const struct chart *one, const struct chart *other,
-    const int32_t *opposite)
+    const int32_t *opposite, const double *weights)
 {
     struct contact contact = {.n = 0};
     int32_t *at_one = TAKE(arena, int32_t, one->n_border);
@@ -167,7 +170,8 @@ static struct contact find_contact(
             contact.at[0][count] = at_one[i];
             contact.at[1][count] = at_other[i];
             contact.paths[count] = n_paths;
-            contact.lengths[count] = sqrt(x * x + y * y + z * z);
+            contact.lengths[count] =
+                sqrt(x * x + y * y + z * z) * min_f64(weights[one->border[at_one[i]]], MOST_WEIGHT);
             contact.turns[count++] = has_previous[i]
                 ? one->angles[ends[0]] + other->angles[other->ends[at_other[i]][1]] : NAN;
         }
@@ -514,7 +518,7 @@ static bool merge_in_way(
 /* Flatten two charts as one, in each way that they can be stitched, and write the cheapest; return
    whether there is one. `measures` are the area, L2 stretch, hull area and length of the border of
    both; `tolerance` is how much stretch and empty area may be added to all charts, and how long a
-   chart may be. `counts` gets how many vertices and half-edges of the border it has; `figures` its
+   chart may be; `weights` are those of seams along half-edges. `counts` gets how many vertices and half-edges of the border it has; `figures` its
    stretch, its hull area, its length, and the stitched share of the shorter border. */
 EXPORT int64_t stitch_charts(
     int64_t n_faces, int64_t n_points, int64_t n_border,
@@ -526,6 +530,7 @@ EXPORT int64_t stitch_charts(
     const double points_2[n_points_2][3], const double uvs_2[n_points_2][2],
     const double angles_2[n_points_2], const int32_t border_2[n_border_2],
     const int32_t ends_2[n_border_2][2], int64_t n_half_edges, const int32_t opposite[n_half_edges],
+    const double weights[n_half_edges],
     const double measures[2][4], const double tolerance[3], int64_t n_iterations,
     int32_t joined_ids[n_faces + n_faces_2], int32_t joined_faces[n_faces + n_faces_2][3],
     double joined_points[n_points + n_points_2][3], double joined_uvs[n_points + n_points_2][2],
@@ -539,7 +544,7 @@ EXPORT int64_t stitch_charts(
         uvs_2, angles_2, border_2, ends_2, measures[1][0], measures[1][1], measures[1][2], 0.0};
     const struct tolerance allowed = {tolerance[0], tolerance[1], tolerance[2]};
     const double shorter = min_f64(measures[0][3], measures[1][3]);
-    const struct contact contact = find_contact(arena, &one, &other, opposite);
+    const struct contact contact = find_contact(arena, &one, &other, opposite, weights);
     struct merge best = {.cost = INFINITY};
     int64_t n_last = contact.n + 1;
     for (int choice = 0; choice < MOST_WAYS && contact.n > 0; choice++) {

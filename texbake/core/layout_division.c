@@ -154,7 +154,7 @@ struct part *divide_layout(const struct cutting *cutting, const struct part *par
         double cost = COST_OF_PART * cutting->limits.most_area * (double)*n_parts;
         for (int64_t i = 0; i < *n_parts; i++)
             cost += parts[i].hull_area;
-        if (cost < least && helps(cutting, part, parts, *n_parts)) {
+        if (*n_parts > 1 && cost < least && helps(cutting, part, parts, *n_parts)) {
             least = cost;
             best = PI * line / N_LINES;
         }

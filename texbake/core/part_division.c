@@ -106,7 +106,11 @@ static int32_t keep_polygons(
             join_labels(pieces, edge / 3, across / 3);
     }
     const int32_t n_pieces = number_labels(pieces, part->n_faces);
-    if (!is_division(cutting->arena, part, pieces, n_pieces))
+    /* A polygon of protected faces may be most of a part. */
+    const int64_t largest =
+        largest_label(cutting->arena, part->n_faces, firsts, (int32_t)part->n_faces);
+    if (!is_division(cutting->arena, part, pieces, n_pieces)
+        && (n_pieces < 2 || 2 * largest <= part->n_faces))
         return n_labels;
     memcpy(labels, pieces, (size_t)part->n_faces * sizeof *labels);
     return n_pieces;

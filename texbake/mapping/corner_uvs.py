@@ -5,7 +5,7 @@ A mapping may cover one group of faces alone; the other faces then keep the coor
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -50,6 +50,15 @@ def joined_corners(faces: IntArray, corners: FloatArray) -> tuple[FloatArray, In
     rows[:, 1:] = corners.reshape(-1, 2) + 0.0  # -0.0 becomes 0.0
     used, uv_faces = unique_rows(rows)
     return np.ascontiguousarray(rows[used, 1:]), uv_faces.reshape(-1, 3)
+
+
+def of_whole_mesh(part: Projected, faces: BoolArray) -> Projected:
+    """Coordinates of the chosen `faces` (F,), with `stacked` by the faces of the mesh."""
+    if part.stacked is None:
+        return part
+    stacked = np.zeros(len(faces), dtype=bool)
+    stacked[faces] = part.stacked
+    return replace(part, stacked=stacked)
 
 
 def faces_of_group(mesh: Mesh, name: str) -> BoolArray:

@@ -15,7 +15,9 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
+from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import seam_edges
+from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.interchange import plain_array
@@ -25,6 +27,30 @@ from texbake.mesh.weld import unique_rows, weld_rows
 
 # Cells along the longest side of the mesh; a point of a file is a vertex in the same cell.
 _CELLS = 2.0**20
+
+
+def cuts_of(
+    mesh: Mesh, edges: npt.ArrayLike | None, faces: BoolArray, options: UnwrapOptions
+) -> BoolArray | None:
+    """Edges of the chosen faces along which charts are cut, (n, 3) bool; None to choose them."""
+    if edges is None and not options.keep_seams:
+        return None
+    if options.keep:
+        raise OptionError("seams: charts that are kept are not cut; leave it out, or `keep`")
+    if options.charts == "xatlas":
+        raise OptionError("seams: xatlas does not follow given seams; use charts texbake")
+    return marked_edges(mesh, edges, keep=options.keep_seams)[faces]
+
+
+def protected_of(
+    mesh: Mesh, numbers: npt.ArrayLike | None, faces: BoolArray, options: UnwrapOptions
+) -> BoolArray | None:
+    """(n,) bool: which of the chosen faces no seam cuts."""
+    if numbers is None:
+        return None
+    if options.keep or options.charts == "xatlas":
+        raise OptionError("protect: it is for charts that texbake cuts; leave out keep and xatlas")
+    return _marked_faces(mesh, numbers)[faces]
 
 
 def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False) -> BoolArray:
@@ -90,6 +116,43 @@ def read_seams(path: PathLike, mesh: Mesh) -> Int64Array:
             )
         found += steps
     return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+def faces_at(path: PathLike, mesh: Mesh) -> Int64Array:
+    """(n,) faces of a mesh that lie where faces of a mesh file do."""
+    marked = read_mesh(path)
+    grid = UnitGrid.around(mesh)
+    points = np.concatenate([grid.to_grid(each.positions, _CELLS) for each in (mesh, marked)])
+    places = weld_rows(points)
+    corners = np.concatenate([places[mesh.faces], places[marked.faces + len(mesh.positions)]])
+    numbers = unique_rows(np.sort(corners, axis=1))[1]
+    found = np.flatnonzero(np.isin(numbers[: mesh.n_faces], numbers[mesh.n_faces :]))
+    if len(found) == 0:
+        raise FileFormatError(
+            f"{path}: none of its faces is one of {mesh.name}; write some faces of that mesh, "
+            "where they are"
+        )
+    return found
+
+
+def _marked_faces(mesh: Mesh, faces: npt.ArrayLike) -> BoolArray:
+    """(F,) bool: faces by their numbers (n,)."""
+    numbers = plain_array(faces, "protect")
+    marked = np.zeros(mesh.n_faces, dtype=np.bool_)
+    if numbers.size == 0:
+        return marked
+    if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
+        raise OptionError(
+            f"protect: the array has type {numbers.dtype} and shape {numbers.shape}; pass numbers "
+            "of faces, (n,) int"
+        )
+    if numbers.min() < 0 or numbers.max() >= mesh.n_faces:
+        raise OptionError(
+            f"protect: a face is {numbers.min() if numbers.min() < 0 else numbers.max()}; those of "
+            f"{mesh.name} are 0 to {mesh.n_faces - 1}"
+        )
+    marked[numbers] = True
+    return marked
 
 
 def _read_lines(path: PathLike) -> tuple[FloatArray, list[tuple[int, IntArray]]]:

@@ -19,6 +19,7 @@ from texbake.mapping.corner_uvs import (
     Projected,
     check_measurable,
     faces_of_group,
+    of_whole_mesh,
     selected,
     with_coordinates,
 )
@@ -32,8 +33,7 @@ from texbake.mesh.mesh import BoolArray, Float32Array, Mesh, UvSet
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
-# Farthest tile that coordinates may lie in: beyond it, float64 cannot resolve 1/4096 of a tile.
-_FARTHEST = 1e12
+_FARTHEST = 1e12  # tiles from the origin; beyond it, float64 cannot resolve 1/4096 of a tile
 
 
 def unwrap(
@@ -41,6 +41,7 @@ def unwrap(
     options: UnwrapOptions | None = None,
     *,
     seams: npt.ArrayLike | None = None,
+    protect: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
@@ -56,6 +57,8 @@ def unwrap(
     seams : (E, 2) int, optional
         Pairs of vertices: charts of an atlas are cut along these edges, and elsewhere only if a
         piece cannot be laid flat otherwise. With None, texbake chooses the seams.
+    protect : (n,) int, optional
+        Faces (triangles) between which no seam of an atlas runs, unless they cannot be laid flat.
     threads
         None for every processor; the result does not depend on it.
     progress
@@ -81,7 +84,7 @@ def unwrap(
     """
     mesh = as_mesh(mesh)
     options = replace(options or UnwrapOptions(), **changes)
-    return _unwrapped([mesh], options, [seams], Stages(progress), threads)[0][0]
+    return _unwrapped([mesh], options, [seams], [protect], Stages(progress), threads)[0][0]
 
 
 def unwrap_with_report(
@@ -89,13 +92,20 @@ def unwrap_with_report(
     options: UnwrapOptions | None = None,
     *,
     seams: npt.ArrayLike | None = None,
+    protect: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
 ) -> tuple[Mesh, UnwrapReport]:
     """Give a mesh texture coordinates, as `unwrap` does, and measure them."""
     return unwrap_together(
-        [as_mesh(mesh)], options, seams=[seams], threads=threads, progress=progress, **changes
+        [as_mesh(mesh)],
+        options,
+        seams=[seams],
+        protect=[protect],
+        threads=threads,
+        progress=progress,
+        **changes,
     )[0]
 
 
@@ -104,18 +114,23 @@ def unwrap_together(
     options: UnwrapOptions | None = None,
     *,
     seams: Sequence[npt.ArrayLike | None] | None = None,
+    protect: Sequence[npt.ArrayLike | None] | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
 ) -> list[tuple[Mesh, UnwrapReport]]:
-    """Unwrap meshes into one texture, at one texel density; `seams` and reports by mesh."""
+    """Unwrap meshes into one texture; `seams`, `protect` and reports by mesh."""
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
     seams = [None] * len(meshes) if seams is None else seams
-    if len(seams) != len(meshes):
-        n_meshes = counted(len(meshes), "mesh", "meshes")
-        raise OptionError(f"seams: there are {len(seams)} for {n_meshes}; give one for each")
-    results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, seams, stages, threads)
+    protect = [None] * len(meshes) if protect is None else protect
+    for name, each in ("seams", seams), ("protect", protect):
+        if len(each) != len(meshes):
+            n_meshes = counted(len(meshes), "mesh", "meshes")
+            raise OptionError(f"{name}: there are {len(each)} for {n_meshes}; give one for each")
+    results = _unwrapped(
+        [as_mesh(mesh) for mesh in meshes], options, seams, protect, stages, threads
+    )
     with stages.stage("measure"):
         measured = [
             _measured(mesh.on_uv_set(options.uv_set), mapped.stacked, options, threads)
@@ -154,6 +169,7 @@ def _unwrapped(
     meshes: Sequence[Mesh],
     options: UnwrapOptions,
     seams: Sequence[npt.ArrayLike | None],
+    protect: Sequence[npt.ArrayLike | None],
     stages: Stages,
     threads: int | None,
 ) -> list[tuple[Mesh, Projected]]:
@@ -177,13 +193,11 @@ def _unwrapped(
         chosen = [faces_of_group(mesh, options.only) for mesh in meshes]
         parts = [selected(mesh, faces) for mesh, faces in zip(meshes, chosen, strict=True)]
     if options.method == "atlas":
-        cuts = [
-            _cuts(mesh, edges, faces, options)
-            for mesh, edges, faces in zip(meshes, seams, chosen, strict=True)
-        ]
-        mapped = _mapped_by_atlas(parts, options, cuts, stages, threads)
-    elif any(edges is not None for edges in seams):
-        raise OptionError(f"seams: the method {options.method} has no seams; use atlas")
+        marks = meshes, chosen, seams, protect
+        mapped = _mapped_by_atlas(parts, options, marks, stages, threads)
+    elif any(each is not None for each in (*seams, *protect)):
+        name = "protect" if all(edges is None for edges in seams) else "seams"
+        raise OptionError(f"{name}: the method {options.method} has no seams; use atlas")
     elif len(meshes) > 1:
         raise OptionError(
             f"method: {options.method} maps one mesh at a time; for several meshes use atlas"
@@ -215,46 +229,29 @@ def _unwrapped(
             assert unwrapped.uvs is not None and unwrapped.uv_faces is not None
             further = UvSet(unwrapped.uvs, unwrapped.uv_faces)
             unwrapped = mesh.replace(uv_sets={**mesh.uv_sets, options.uv_set: further})
-        results.append((unwrapped, _of_whole_mesh(part, faces)))
+        results.append((unwrapped, of_whole_mesh(part, faces)))
     return results
-
-
-def _of_whole_mesh(part: Projected, faces: BoolArray) -> Projected:
-    """Coordinates of the chosen `faces` (F,), with `stacked` by the faces of the mesh."""
-    if part.stacked is None:
-        return part
-    stacked = np.zeros(len(faces), dtype=bool)
-    stacked[faces] = part.stacked
-    return replace(part, stacked=stacked)
-
-
-def _cuts(
-    mesh: Mesh, edges: npt.ArrayLike | None, faces: BoolArray, options: UnwrapOptions
-) -> BoolArray | None:
-    """Edges of the chosen faces along which charts are cut, (n, 3) bool; None to choose them."""
-    if edges is None and not options.keep_seams:
-        return None
-    if options.keep:
-        raise OptionError("seams: charts that are kept are not cut; leave it out, or `keep`")
-    if options.charts == "xatlas":
-        raise OptionError("seams: xatlas does not follow given seams; use charts texbake")
-    from texbake.mapping.marked_seams import marked_edges
-
-    return marked_edges(mesh, edges, keep=options.keep_seams)[faces]
 
 
 def _mapped_by_atlas(
     parts: Sequence[Mesh],
     options: UnwrapOptions,
-    cuts: Sequence[BoolArray | None],
+    marks: tuple[Sequence[Mesh], Sequence[BoolArray], Sequence[Any], Sequence[Any]],
     stages: Stages,
     threads: int | None,
 ) -> list[Projected]:
-    """Map by one atlas, whose texel density is that of the packing."""
+    """Map by one atlas; `marks`: meshes, their faces that are parts, seams, and protected faces."""
     from texbake.mapping.atlas.atlas import make_atlas
+    from texbake.mapping.marked_seams import cuts_of, protected_of
 
+    meshes, chosen, seams, protect = marks
+    of_meshes = list(zip(meshes, seams, protect, chosen, strict=True))
+    cuts = [cuts_of(mesh, edges, faces, options) for mesh, edges, _, faces in of_meshes]
+    protected = [protected_of(mesh, ids, faces, options) for mesh, _, ids, faces in of_meshes]
     mapped = []
-    for atlas in make_atlas(parts, options, stages, seams=cuts, threads=threads):
+    for atlas in make_atlas(
+        parts, options, stages, seams=cuts, protected=protected, threads=threads
+    ):
         charts = atlas.charts
         n_stacked = 0 if charts.stacked is None else int(charts.stacked.sum())
         mapped.append(

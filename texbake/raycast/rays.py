@@ -134,13 +134,14 @@ class OcclusionRange(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def direction_sets(n_rays: int, n_parts: int = 1) -> Float32Array:
+def direction_sets(n_rays: int, n_parts: int = 1, n_directions: int = _DIRECTIONS) -> Float32Array:
     """(S, n_rays, 3) sets of unit vectors about +z, by the cosine of the angle to it.
 
     Each set is a scrambled net, its points sorted by the cells of a grid, so that packets of the
     j-th rays of neighboring samples stay together. Each `n_parts` sets that follow each other are
     one net of all their directions, to be shared out to the samples of a texel. S is a power of
-    two, and so are `n_rays` and `n_parts`, with a product of at most 65,536.
+    two, and so are `n_rays` and `n_parts`, with a product of at most `n_directions`, those of all
+    sets together.
 
     Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995; Burley, "Practical
     Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4), 2020, for its
@@ -149,7 +150,7 @@ def direction_sets(n_rays: int, n_parts: int = 1) -> Float32Array:
     method.
     """
     n_points = n_rays * n_parts
-    nets = scrambled_nets(_DIRECTIONS // n_points, n_points)
+    nets = scrambled_nets(n_directions // n_points, n_points)
     # Points of a net that follow each other, in number a power of two, are a net themselves.
     points = _sorted(nets.reshape(-1, n_rays, 2))
     disk = concentric_disk((points.astype(np.float64) + 0.5) / 2**_BITS)

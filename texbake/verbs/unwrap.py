@@ -37,8 +37,9 @@ if TYPE_CHECKING:
 SECTIONS = {
     "Method": ("method", "size", "only", "uv_set"),
     "Atlas": (
-        *("padding", "quality", "max_stretch", "seams", "keep_seams", "seams_at_hard_edges"),
-        *("seam_angle", "symmetry", "tiles", "by_group", "keep", "charts", "timeout"),
+        *("padding", "quality", "max_stretch", "seams", "protect", "keep_seams"),
+        *("seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry", "tiles", "by_group"),
+        *("keep", "charts", "timeout"),
     ),
     "Classical mappings": (
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),
@@ -101,7 +102,12 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
         "Cut charts along the lines of this OBJ file, whose points are vertices, and nowhere else.",
         required=False, role=None, suffixes=(".obj",), metavar="FILE",
     ),
-    Options(UnwrapOptions, *_NAMES[_SEAMS + 1 : _MATRIX]),
+    Reads(
+        "protect", "mesh",
+        "Cut no seam between the faces of this mesh, which are some of those of MESH.",
+        required=False, role=None, metavar="FILE",
+    ),
+    Options(UnwrapOptions, *_NAMES[_SEAMS + 2 : _MATRIX]),
     Reads(
         "matrix", "matrix", option_of(UnwrapOptions, "matrix").help, required=False, role=None,
         suffixes=(".txt",), metavar="FILE",
@@ -131,6 +137,7 @@ def unwrap_files(
     options: UnwrapOptions | None = None,
     *,
     seams: PathLike | None = None,
+    protect: PathLike | None = None,
     layout: PathLike | None = None,
     heat: bool = False,
     checker: PathLike | None = None,
@@ -145,7 +152,7 @@ def unwrap_files(
     In an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
     """
-    from texbake.mapping.marked_seams import read_seams
+    from texbake.mapping.marked_seams import faces_at, read_seams
     from texbake.mapping.unwrap import unwrap_together
     from texbake.mesh.files import read_mesh
 
@@ -162,7 +169,10 @@ def unwrap_files(
         check_uv_set(outputs)
     read = [read_mesh(path, progress=progress) for path in sources]
     marked = None if seams is None else [read_seams(seams, mesh) for mesh in read]
-    results = unwrap_together(read, options, seams=marked, threads=threads, progress=progress)
+    kept = None if protect is None else [faces_at(protect, mesh) for mesh in read]
+    results = unwrap_together(
+        read, options, seams=marked, protect=kept, threads=threads, progress=progress
+    )
     if len(sources) > 1:
         make_folder(output)
     is_further = options.uv_set is not None
@@ -267,5 +277,5 @@ STEP = step_of(
     outputs=lambda settings: {"mesh": f"unwrapped.{settings['format']}"},
     memory=lambda settings, sizes: PROCESS + 6_000 * n_faces(sizes, "mesh"),
     figures=_figures,
-    revision=2,
+    revision=3,
 )

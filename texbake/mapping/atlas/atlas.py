@@ -20,6 +20,7 @@ from texbake.mapping.atlas.charts import (
     groups_in_use,
     single_face_charts,
     tile_groups,
+    with_cuts_noted,
 )
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
@@ -47,8 +48,7 @@ from texbake.progress import Stages
 from texbake.records import dataclass
 
 # Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
-# more than a factor of `_GOOD_ROOM`; without that room, charts would stay apart for the sake of a
-# stretch that nobody sees.
+# more than a factor of `_GOOD_ROOM`: charts need not stay apart for a stretch that nobody sees.
 _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
 _HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller as they are cut
@@ -58,8 +58,7 @@ _FAST_WASTE = 0.2
 # Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
 # set the scale of all others: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
-# Limit of the work of joining, as `join_charts` counts it; only large noisy scans and meshes with
-# hundreds of charts reach it.
+# Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
 _JOIN_WORK = {"fast": 30, "good": 300, "best": 1000}
 # Whole bodies that cost less than this share of what `good` does leave no more to be tried.
 _CLEARLY_BETTER = 0.7
@@ -83,23 +82,25 @@ def make_atlas(
     stages: Stages,
     *,
     seams: Sequence[BoolArray | None],
+    protected: Sequence[BoolArray | None],
     threads: int | None = None,
 ) -> list[Atlas]:
     """Make the charts of meshes and pack them all into one texture or its tiles.
 
     `seams`: for each mesh, (F, 3) bool: edges at which charts are cut; None to choose them.
+    `protected`: for each mesh, (F,) bool: faces between which no seam may run.
     """
     if options.by_group:  # fail before the work
         check_tiles(len(groups_in_use(meshes)), options.tiles, _name_of(meshes))
 
-    is_free = not options.keep and all(each is None for each in seams)
     # With overlap, a whole body would have no other half to lie on.
-    is_free = is_free and options.symmetry != "overlap"
+    is_free = not options.keep and options.symmetry != "overlap"
+    is_free &= all(each is None for each in (*seams, *protected))
     if options.quality == "best" and options.charts == "texbake" and is_free:
         return _best_atlases(meshes, options, stages, threads)
     all_charts = [
-        _make_charts(mesh, options, stages, marked, threads)
-        for mesh, marked in zip(meshes, seams, strict=True)
+        _make_charts(mesh, options, stages, marked, whole, threads)
+        for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
     ]
     return _packed_charts(meshes, all_charts, options, stages, threads)[0]
 
@@ -116,7 +117,7 @@ def _best_atlases(
             _, packing = _packed_charts(meshes, all_charts, good, stages, threads)
             candidates.append((layout_cost(meshes, all_charts, packing.fill), all_charts))
 
-    of_good = [_make_charts(mesh, good, stages, None, threads) for mesh in meshes]
+    of_good = [_make_charts(mesh, good, stages, None, None, threads) for mesh in meshes]
     consider(of_good)
     bodies = [
         _body_charts(mesh, charts, options, stages, threads)
@@ -131,7 +132,7 @@ def _best_atlases(
         )
     least = min((cost for cost, _ in candidates[1:]), default=math.inf)
     if not (candidates and least < _CLEARLY_BETTER * candidates[0][0]):
-        consider([_make_charts(mesh, options, stages, None, threads) for mesh in meshes])
+        consider([_make_charts(mesh, options, stages, None, None, threads) for mesh in meshes])
     chosen = min(candidates, key=lambda each: each[0])[1] if candidates else of_good
     return _packed_charts(meshes, chosen, options, stages, threads)[0]
 
@@ -203,6 +204,7 @@ def _make_charts(
     options: UnwrapOptions,
     stages: Stages,
     seams: BoolArray | None,
+    protected: BoolArray | None,
     threads: int | None,
 ) -> Charts:
     """Make the charts of one mesh, in units of the longest side of its bounding box."""
@@ -210,6 +212,8 @@ def _make_charts(
         regions = mesh.face_groups if options.by_group else face_objects(mesh)
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
     surface, n_within = _surface(mesh, options, seams, threads)
+    if protected is not None:  # those on both sides of a mirror plane stay together
+        surface, options = surface.kept_whole(protected), replace(options, symmetry="off")
     isolated, others = find_isolated_faces(surface)
     if not len(isolated):
         charts = _connected_charts(mesh, surface, options, stages)
@@ -218,18 +222,17 @@ def _make_charts(
         if len(others):
             part = surface.part(others)
             connected = Mesh(
-                positions=mesh.positions,
-                faces=part.faces,
-                polygon_of=part.polygons,
-                name=mesh.name,
+                positions=mesh.positions, faces=part.faces, polygon_of=part.polygons, name=mesh.name
             )
             with suppress(UnwrapError):  # none of them has an area
                 pieces.append((others, _connected_charts(connected, part, options, stages)))
         charts = gather_charts(mesh.faces, pieces)
-    if n_within:
-        note = f"{n_within:,} hard edges have no seam, because they end within a chart"
-        charts = replace(charts, notes=(*charts.notes, note))
-    return charts
+    if protected is not None:
+        charts = with_cuts_noted(surface, charts, protected)
+    if not n_within:
+        return charts
+    note = f"{n_within:,} hard edges have no seam, because they end within a chart"
+    return replace(charts, notes=(*charts.notes, note))
 
 
 def _surface(
@@ -274,7 +277,7 @@ def _connected_charts(
             return _stacked_charts(mesh, surface, halves, options, stages)
         charts = _symmetric_charts(mesh, surface, halves, options, stages)
         return _without_stacks(charts, "its faces do not mirror each other one by one", options)
-    weights = _weights(surface, stages)
+    weights = _weights(surface, options, stages)
     charts = _cut(mesh, surface, options, stages, weights)
     if options.quality != "fast":
         charts = _improved(mesh, surface, charts, options, stages, weights)
@@ -289,9 +292,9 @@ def _without_stacks(charts: Charts, why: str, options: UnwrapOptions) -> Charts:
     return replace(charts, notes=(*charts.notes, f"no charts share texels, because {why}"))
 
 
-def _weights(surface: ChartSurface, stages: Stages) -> FloatArray:
+def _weights(surface: ChartSurface, options: UnwrapOptions, stages: Stages) -> FloatArray:
     with stages.stage("weigh edges"):
-        return edge_weights(surface)
+        return edge_weights(surface, hide=options.hide_seams)
 
 
 def _cut(
@@ -313,7 +316,7 @@ def _symmetric_charts(
     mesh: Mesh, surface: ChartSurface, halves: Halves, options: UnwrapOptions, stages: Stages
 ) -> Charts:
     """Cut a mesh, carry the charts of one half to the other, and join them as mirror images."""
-    weights = _weights(surface, stages)
+    weights = _weights(surface, options, stages)
     charts = _cut(mesh, surface, options, stages, weights)
     with stages.stage("mirror charts"):
         charts = half_charts(mesh, surface, halves, charts, options.quality)
@@ -330,7 +333,7 @@ def _stacked_charts(
     half_mesh = Mesh(
         positions=mesh.positions, faces=half.faces, polygon_of=half.polygons, name=mesh.name
     )
-    weights = _weights(half, stages)
+    weights = _weights(half, options, stages)
     charts = _cut(half_mesh, half, options, stages, weights)
     if options.quality != "fast":
         charts = _improved(half_mesh, half, charts, options, stages, weights)
@@ -383,6 +386,7 @@ def _joined(
         charts = join_charts(
             surface,
             charts,
+            weights=weights,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
             most_waste=_FAST_WASTE if options.quality == "fast" else MOST_WASTE,

@@ -11,9 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.errors import UvError
+from texbake.errors import UvError, counted
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
-from texbake.mapping.seams import chart_ids
+from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
@@ -50,6 +50,14 @@ class ChartSurface:
         )
         return opposite if self.seams is None else np.where(self.seams.ravel(), -1, opposite)
 
+    def kept_whole(self, protected: BoolArray) -> ChartSurface:
+        """Treat neighboring `protected` (F,) faces as one polygon, which is only cut if it must."""
+        own = np.arange(len(self.faces), dtype=np.int32)
+        polygons = own if self.polygons is None else self.polygons
+        edges, across = _inner_edges(self, protected)
+        merged = merged_labels(len(own), polygons[edges // 3], polygons[across // 3])
+        return replace(self, polygons=merged[polygons])
+
     def part(self, face_ids: IntArray) -> ChartSurface:
         """Surface of some faces (n,)."""
         polygons, regions = (
@@ -59,6 +67,23 @@ class ChartSurface:
         return replace(
             self, faces=self.faces[face_ids], polygons=polygons, regions=regions, seams=seams
         )
+
+
+def _inner_edges(surface: ChartSurface, faces: BoolArray) -> tuple[IntArray, IntArray]:
+    """Half-edges between some faces (F,), each edge once, and their opposites."""
+    opposite = surface.joints[2]
+    edges = np.flatnonzero(opposite > np.arange(len(opposite))).astype(np.int32)
+    edges = edges[faces[edges // 3] & faces[opposite[edges] // 3]]
+    return edges, opposite[edges]
+
+
+def with_cuts_noted(surface: ChartSurface, charts: Charts, faces: BoolArray) -> Charts:
+    """Note how many edges between protected faces (F,) have a chart on each side."""
+    owners = charts.chart_ids[charts.faces[:, 0]]
+    edges, across = _inner_edges(surface, faces & charts.solid)
+    n_cut = int(np.count_nonzero(owners[edges // 3] != owners[across // 3]))
+    note = f"{counted(n_cut, 'edge')} of protected faces had to be cut, to lay them flat"
+    return replace(charts, notes=(*charts.notes, note)) if n_cut else charts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,4 +1,9 @@
-"""What a seam along an edge costs, for each unit of its length."""
+"""What a seam along an edge costs, for each unit of its length: the less, the better it hides.
+
+Seams are cheap on hard edges, and where little ambient light comes, as in creases, below chins and
+between fingers. No seam runs within a polygon. Rays from some vertices measure how much of the
+surroundings is open; their neighbors get the mean of those nearby.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +11,45 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import ChartSurface
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.raycast.rays import OPEN, Hemispheres, OcclusionRange, direction_sets, mixed
+from texbake.raycast.scene import RayScene
 
 # Weight of a hard edge, and of the angles, in degrees, at which edges begin to be hard and are.
 _HARD = 0.3
 _SOFT_ANGLE, _HARD_ANGLE = 25.0, 50.0
 
+# Rays from a vertex, one vertex of how many casts them, and how many vertices at most do. In each
+# round, all vertices take the mean of their neighbors.
+_RAYS, _STRIDE, _MOST = 8, 4, 8192
+_ROUNDS = 4
+# Rays start this far above the surface, in local units.
+_OFFSET = 1e-4
+# Openness, in units of its mean, counts with this power where `hide` is 1, within these bounds.
+_EXPONENT = 6.0
+_HIDDEN, _OPEN = 0.1, 4.0
 
-def edge_weights(surface: ChartSurface) -> FloatArray:
-    """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons."""
-    corners, _, opposite = surface.joints
+
+def edge_weights(surface: ChartSurface, *, hide: float = 0.0) -> FloatArray:
+    """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons.
+
+    `hide`: how much openness counts, 0 to 1.
+    """
+    corners, solid, opposite = surface.joints
     weights = np.ones(len(opposite))
     edges = np.flatnonzero(opposite >= 0).astype(np.int32)
     angles = _angles(surface.points, corners, edges // 3, opposite[edges] // 3)
     hard = np.clip((angles - _SOFT_ANGLE) / (_HARD_ANGLE - _SOFT_ANGLE), 0.0, 1.0)
     weights[edges] = 1.0 - (1.0 - _HARD) * hard
+    if hide > 0.0 and len(edges):
+        openness = _openness(surface, corners, solid)
+        ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+        along = (openness[ends[0]] + openness[ends[1]]) / 2.0
+        mean = float(along.mean())
+        if mean > 0.0:
+            logs = pm.log(np.maximum(along / mean, _HIDDEN))
+            weights *= np.clip(pm.exp(_EXPONENT * hide * logs), _HIDDEN, _OPEN)
     if surface.polygons is not None:
         same = surface.polygons[opposite // 3] == np.repeat(surface.polygons, 3)
         weights[(opposite >= 0) & same] = np.inf
@@ -29,8 +58,44 @@ def edge_weights(surface: ChartSurface) -> FloatArray:
 
 def _angles(points: FloatArray, corners: IntArray, one: IntArray, other: IntArray) -> FloatArray:
     """(k,) degrees between the normals of faces."""
-    a, b, c = (points[corners[:, i]] for i in range(3))
-    normals = np.cross(b - a, c - a)
+    normals = _normals(points, corners)
     crosses = pm.norm(np.cross(normals[one], normals[other]), axis=1)
     dots = (normals[one] * normals[other]).sum(axis=1)
     return np.asarray(np.degrees(pm.arctan2(crosses, dots)))
+
+
+def _normals(points: FloatArray, corners: IntArray) -> FloatArray:
+    """(F, 3) normals of faces, as long as twice their area."""
+    a, b, c = (points[corners[:, i]] for i in range(3))
+    return np.asarray(np.cross(b - a, c - a))
+
+
+def _openness(surface: ChartSurface, corners: IntArray, solid: BoolArray) -> FloatArray:
+    """(V,) float64: share of the surroundings that is open, 0 to 1, evened out over neighbors."""
+    n = len(surface.points)
+    used = np.unique(corners[solid])
+    step = max(_STRIDE, -(-len(used) // _MOST))
+    chosen = used[::step] if len(used) > _STRIDE**3 else used
+    mesh = Mesh(positions=surface.points, faces=corners[solid])
+    frame = LocalFrame.around(mesh)
+    normals = np.zeros((n, 3))
+    for axis, values in enumerate(_normals(surface.points, corners[solid]).T):
+        normals[:, axis] = np.bincount(corners[solid].ravel(), np.repeat(values, 3), minlength=n)
+    lengths = pm.norm(normals[chosen], axis=1)
+    axes = (normals[chosen] / np.where(lengths > 0.0, lengths, 1.0)[:, None]).astype(np.float32)
+    scene = RayScene.build(mesh, frame, compact=True, threads=surface.threads)
+    found = scene.cast_hemispheres(
+        Hemispheres(
+            frame.to_local(surface.points[chosen]), axes, axes, mixed(chosen.astype(np.uint32))
+        ),
+        direction_sets(_RAYS, 1, 128 * _RAYS),
+        OcclusionRange(_OFFSET, np.inf, 0.0),
+    )[:, OPEN]
+    sums, counts = np.zeros(n), np.zeros(n)
+    sums[chosen], counts[chosen] = np.nan_to_num(found, nan=1.0), 1.0
+    tails, heads = corners[solid].ravel(), np.roll(corners[solid], -1, axis=1).ravel()
+    for _ in range(_ROUNDS):
+        for values in (sums, counts):
+            values += np.bincount(tails, values[heads], minlength=n)
+    mean = float(found.mean()) if len(found) else 1.0
+    return np.where(counts > 0.0, sums / np.where(counts > 0.0, counts, 1.0), mean)

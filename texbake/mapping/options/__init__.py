@@ -92,6 +92,12 @@ class AtlasOptions(TextureOptions):
         "lays one half on the other, so that both share their texels, and off ignores the plane.",
         choices=SYMMETRIES,
     )
+    hide_seams: float = option(
+        0.5,
+        "How far seams go out of their way to run where little light comes, such as creases.",
+        low=0,
+        high=1,
+    )
     charts: str = option(
         "texbake",
         "What cuts charts: texbake, or the library xatlas in separate processes.",
@@ -138,7 +144,7 @@ class Method:
 METHODS = {
     "atlas": Method((
         "padding", "quality", "max_stretch", "keep_seams", "seams_at_hard_edges", "seam_angle",
-        "symmetry", "charts", "timeout", "tiles", "by_group", "keep",
+        "hide_seams", "symmetry", "charts", "timeout", "tiles", "by_group", "keep",
     )),
     "planar": Method(("axis", "normal", "fit", "sides"), "planar.planar"),
     "cylindrical": Method(("axis", "center", "theta", "height", "caps"), "cylindrical.cylindrical"),
@@ -219,8 +225,8 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
             raise OptionError(
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
-        cuts = "keep_seams", "seams_at_hard_edges", "seam_angle", "symmetry", "charts", "timeout"
-        for name in ("max_stretch", *cuts) if self.keep else ():
+        cuts = "keep_seams", "seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry"
+        for name in ("max_stretch", *cuts, "charts", "timeout") if self.keep else ():
             self._require_default(name, "charts that are kept are not cut; leave it out, or `keep`")
         if self.keep_seams and self.charts == "xatlas":
             raise OptionError("keep_seams: xatlas does not follow given seams; use charts texbake")

@@ -127,11 +127,11 @@ def cut_charts(
             area = float(surface_areas(points[corners[solid]]).sum())
         if surface.seams is None:
             opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
-        labels = _labels(points, corners, opposite, mesh.polygon_of, sizes, weights)
+        labels = _labels(points, corners, opposite, surface.polygons, sizes, weights)
         pieces, left = disk_charts(
             points,
             corners,
-            step_lengths(points, corners, opposite, mesh.polygon_of),
+            step_lengths(points, corners, opposite, surface.polygons, weights),
             weights,
             split_parts(opposite, np.where(solid, labels, -1)),
             limits=ChartLimits(

@@ -64,8 +64,14 @@ def divide_parts(
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     labels = np.where(large, _OPEN, _CLOSED)
     core.divide_into_parts(
-        neighbors, step_lengths(points, faces, opposite, polygons), parts, part_faces, labels
+        neighbors,
+        step_lengths(points, faces, opposite, polygons, weights),
+        parts,
+        part_faces,
+        labels,
     )
+    if polygons is not None:  # protected faces are one, and may be many
+        labels[large] = labels[np.flatnonzero(large)[_firsts_of(polygons[large])]]
     _, ranks = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     numbers: IntArray = ranks.astype(np.int32)
     if weights is not None:
@@ -73,13 +79,28 @@ def divide_parts(
     return numbers
 
 
+def _firsts_of(groups: IntArray) -> IntArray:
+    """(n,) the first item of the group of each item."""
+    _, firsts, numbers = np.unique(groups, return_index=True, return_inverse=True)
+    return np.asarray(firsts[numbers], dtype=np.int32)
+
+
 def step_lengths(
-    points: FloatArray, faces: IntArray, opposite: IntArray, polygons: IntArray | None = None
+    points: FloatArray,
+    faces: IntArray,
+    opposite: IntArray,
+    polygons: IntArray | None = None,
+    weights: FloatArray | None = None,
 ) -> FloatArray:
-    """(F, 3) steps to neighbors, 0 for none, negative within a polygon; `core/face_parts.c`."""
+    """(F, 3) steps to neighbors, 0 for none, negative within a polygon; `core/face_parts.c`.
+
+    Steps across an edge are the longer, the less a seam costs there, by `weights` (F, 3).
+    """
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     lengths = np.empty((len(faces), 3))
     core.find_step_lengths(points, faces, neighbors, _SMOOTHINGS, lengths)
+    if weights is not None:
+        lengths /= np.sqrt(weights)
     if polygons is not None:
         is_within = (neighbors >= 0) & (polygons[neighbors] == polygons[:, None])
         lengths[is_within] = _WITHIN_POLYGON

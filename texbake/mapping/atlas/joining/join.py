@@ -32,7 +32,7 @@ from texbake.mapping.atlas.joining.mates import (
 )
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -56,6 +56,7 @@ def join_charts(
     surface: ChartSurface,
     charts: Charts,
     *,
+    weights: FloatArray | None = None,
     most_l2: float,
     most_chart_l2: float | None = None,
     most_share: float = 0.1,
@@ -66,8 +67,10 @@ def join_charts(
 ) -> Charts:
     """Join neighboring charts, cheapest first, up to a share of the area of the mesh.
 
+    `weights`: (F, 3) costs of seams along edges, those of `edge_weights`: the dearest go first;
     `mates_of`: the mirror images of pieces, as `mates` has them, which then stay so.
     """
+    weights = np.ones((len(surface.faces), 3)) if weights is None else weights
     solid = charts.solid
     if not solid.any():
         return charts
@@ -87,7 +90,7 @@ def join_charts(
         strip_length=STRIP_SIDES * math.sqrt(area),
     )
     mates = None if mates_of is None else mates_of(pieces)
-    joining = _Joining(pieces, opposite, allowed, mates, surface.threads)
+    joining = _Joining(pieces, opposite, weights.ravel(), allowed, mates, surface.threads)
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))
     return charts_of(list(joining.pieces.values()), charts)
 
@@ -139,13 +142,14 @@ class _Joining:
         self,
         pieces: list[ChartPiece],
         opposite: IntArray,
+        weights: FloatArray,
         allowed: MergeTolerance,
         mates: dict[int, int] | None,
         threads: int | None,
     ) -> None:
         self.pieces = dict(enumerate(pieces))
         self._mates = mates
-        self._opposite = opposite
+        self._opposite, self._weights = opposite, weights
         self._threads = threads
         self._owners = np.full(len(opposite) // 3, -1, dtype=np.int32)
         for index, piece in self.pieces.items():
@@ -251,6 +255,7 @@ class _Joining:
                         self.pieces,
                         candidate.plan,
                         self._opposite,
+                        self._weights,
                         scale=self._allowed,
                         n_iterations=n_iterations,
                     )

@@ -19,7 +19,7 @@ from texbake.mapping.atlas.joining.stitch import (
     merge_cost,
     relax_merge,
 )
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
 # A chart in the middle may be larger by this factor: it has a seam less than the two halves.
@@ -96,6 +96,7 @@ def find_mates_merge(
     pieces: Mapping[int, ChartPiece],
     plan: JoinPlan,
     opposite: IntArray,
+    weights: FloatArray,
     *,
     scale: MergeTolerance,
     n_iterations: int,
@@ -109,7 +110,7 @@ def find_mates_merge(
         piece = pieces[group[0]]
         for index in group[1:]:
             merge = find_merge(
-                piece, pieces[index], opposite, scale=scale, n_iterations=n_iterations
+                piece, pieces[index], opposite, weights, scale=scale, n_iterations=n_iterations
             )
             if merge is None:
                 return None

@@ -11,7 +11,7 @@ import numpy as np
 
 from texbake.core import core
 from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
 # Cost of a merge that makes nothing worse; the one that stitches most of a border is then first.
@@ -76,7 +76,7 @@ class ChartMerge:
     # excess, waste: what it adds to the sum of the two; see `MergeTolerance`.
     excess: float
     waste: float
-    share: float  # length along which they are stitched, as a share of the shorter border
+    share: float  # weighted length along which they are stitched, in lengths of the shorter border
 
     @property
     def made(self) -> tuple[ChartPiece, ...]:
@@ -104,11 +104,15 @@ def find_merge(
     one: ChartPiece,
     other: ChartPiece,
     opposite: IntArray,
+    weights: FloatArray,
     *,
     scale: MergeTolerance,
     n_iterations: int,
 ) -> ChartMerge | None:
-    """Flatten two pieces as one in each way of stitching; return the cheapest, None if none."""
+    """Flatten two pieces as one in each way of stitching; return the cheapest, None if none.
+
+    `weights`: (3 F,) float64; what a seam along each half-edge costs, for its length.
+    """
     if one.area < other.area:
         one, other = other, one
     if not scale.has_place(one, other):
@@ -123,7 +127,7 @@ def find_merge(
     counts, figures = np.empty(2, dtype=np.int64), np.empty(4)
     longest = max(scale.chart_length, one.length, other.length)
     is_found = core.stitch_charts(
-        *one.arrays, *other.arrays, opposite, np.array([one.measures, other.measures]),
+        *one.arrays, *other.arrays, opposite, weights, np.array([one.measures, other.measures]),
         np.array([scale.excess, scale.waste, longest]), n_iterations,
         face_ids, faces, points, uvs, angles, border, ends, counts, figures,
     )  # fmt: skip

@@ -1,0 +1,68 @@
+import numpy as np
+import pytest
+
+import texbake as tb
+from texbake.errors import FileFormatError, OptionError
+from texbake.mapping.marked_seams import faces_at
+from texbake.mapping.overlap import find_overlaps
+from texbake.mapping.seams import seam_edges
+from texbake.mapping.unwrap import unwrap_with_report
+from texbake.mesh.shapes import icosphere
+
+
+def cap(mesh):
+    """Faces of the upper third of a ball."""
+    return np.flatnonzero(mesh.positions[mesh.faces].mean(axis=1)[:, 1] > 0.4)
+
+
+def inner_seams(mesh, faces):
+    """Edges of some faces, toward others of them, that are seams."""
+    whole = np.zeros(mesh.n_faces, dtype=bool)
+    whole[faces] = True
+    seams = seam_edges(mesh)
+    keys = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2), axis=2)
+    keys = keys[..., 0] * mesh.n_vertices + keys[..., 1]
+    ids, counts = np.unique(keys[whole], return_counts=True)
+    return np.count_nonzero(seams & np.isin(keys, ids[counts == 2]) & whole[:, None])
+
+
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+def test_no_seam_cuts_protected_faces(quality):
+    mesh = icosphere(4)
+    faces = cap(mesh)
+    free, _ = unwrap_with_report(mesh, quality=quality)
+    kept, report = unwrap_with_report(mesh, quality=quality, protect=faces)
+    assert inner_seams(free, faces) > 0
+    assert inner_seams(kept, faces) == 0
+    assert not report.notes
+    assert not find_overlaps(kept.corner_uvs()).overlapping.any()
+
+
+def test_protected_faces_that_cannot_be_laid_flat_are_cut_and_named():
+    mesh = icosphere(3)
+    _, report = unwrap_with_report(mesh, protect=np.arange(mesh.n_faces))
+    assert "of protected faces had to be cut" in " ".join(report.notes)
+
+
+def test_faces_of_a_file_are_found_where_they_are(tmp_path):
+    mesh = icosphere(3)
+    faces = cap(mesh)
+    tb.write_mesh(mesh.replace(faces=mesh.faces[faces]), tmp_path / "some.obj")
+    assert np.array_equal(faces_at(tmp_path / "some.obj", mesh), faces)
+    moved = mesh.replace(positions=mesh.positions + 5.0)
+    with pytest.raises(FileFormatError, match="none of its faces"):
+        faces_at(tmp_path / "some.obj", moved)
+
+
+@pytest.mark.parametrize(
+    ("protect", "changes", "message"),
+    [
+        ([0.5], {}, "pass numbers of faces"),
+        ([-1], {}, "a face is -1"),
+        ([0], {"charts": "xatlas"}, "leave out keep and xatlas"),
+        ([0], {"method": "planar"}, "has no seams"),
+    ],
+)
+def test_what_is_wrong_with_protected_faces_is_said(protect, changes, message):
+    with pytest.raises(OptionError, match=message):
+        tb.unwrap(icosphere(1), protect=protect, **changes)
