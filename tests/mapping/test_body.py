@@ -7,6 +7,7 @@ import pytest
 
 from texbake.core import core
 from texbake.mapping.atlas.atlas import make_atlas
+from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
 from texbake.mapping.atlas.cutting.body import face_energies, flatten_body
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
@@ -98,16 +99,18 @@ def test_energies_are_those_of_singular_values():
 def test_limbs_are_cut_off_where_they_are_narrow():
     mesh = grid(lambda x, y: abs(x) < 0.2 or abs(y) < 0.2)  # a cross
     surface = surface_of(mesh)
-    charts = cut_charts(mesh, surface, quality="fast")
-    opposite = surface.opposite(charts.solid)
-    whole = [piece for piece in pieces_of(surface, charts, opposite) if charts.n_charts == 1]
-    for piece in whole:
-        side = math.sqrt(piece.area)
-        weights = edge_weights(surface)
-        parts = divide_at_necks(piece, opposite, weights, least_gain=0.06, side=side)
-        assert len(parts) > 1
-        assert sum(part.waste for part in parts) < piece.waste
-        assert len(divide_at_necks(piece, opposite, weights, least_gain=99.0, side=side)) == 1
+    opposite = surface.opposite(np.ones(mesh.n_faces, dtype=bool))
+    cross = Charts(
+        faces=mesh.faces,
+        uvs=mesh.positions[:, :2].copy(),
+        chart_ids=np.zeros(mesh.n_vertices, dtype=np.int32),
+    )
+    (piece,) = pieces_of(surface, cross, opposite)
+    side, weights = math.sqrt(piece.area), edge_weights(surface)
+    limbs = divide_at_necks(piece, opposite, weights, least_gain=0.06, side=side)
+    assert len(limbs) > 1
+    assert sum(limb.waste for limb in limbs) < piece.waste
+    assert len(divide_at_necks(piece, opposite, weights, least_gain=99.0, side=side)) == 1
 
 
 def test_whole_bodies_cover_each_face_once_and_overlap_nowhere():
@@ -129,7 +132,7 @@ def test_best_costs_no_more_than_good(mesh):
     costs = {}
     for quality in ("good", "best"):
         options = UnwrapOptions(quality=quality, size=128)
-        (atlas,) = make_atlas([mesh], options, Stages(None), seams=[None])
+        (atlas,) = make_atlas([mesh], options, Stages(None), seams=[None], protected=[None])
         fill = float(signed_areas(atlas.corners).sum())
         costs[quality] = layout_cost([mesh], [atlas.charts], fill)
     assert costs["best"] <= costs["good"]
