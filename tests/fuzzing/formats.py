@@ -405,7 +405,7 @@ SEED_BYTES = 1024
 UNREACHED = {
     "stitch_charts": "charts of a few faces are not joined; tests/mapping/test_join.py does",
     "relax_chart": "charts of a few faces are not joined; tests/mapping/test_join.py does",
-    "find_shortest_ways": "bodies have 100 faces or more; tests/mapping/test_body.py cuts them",
+    "find_shortest_paths": "bodies have 100 faces or more; tests/mapping/test_body.py cuts them",
     "unfold_triangles": "bodies have 100 faces or more; tests/mapping/test_body.py cuts them",
     "take_over_samples": "bakes of a few texels do not divide a texel twice; its tests do",
     "has_x86_64_v3": "it takes nothing, and is called while the library is chosen",

@@ -1,4 +1,4 @@
-/* Borders between charts led anew along the edges of the mesh, where that is cheaper.
+/* Borders between charts moved to cheaper edges of the mesh.
 
    A border between two charts runs from one junction with other borders to the next. It is replaced
    by the cheapest way through a band of faces about it. An edge costs its length times its weight,
@@ -21,7 +21,7 @@
 #include "step_heap.h"
 #include "union_find.h"
 
-/* Rounds in which all borders are led anew. Closed borders are led in halves, others in each round. */
+/* Rounds in which all borders move. Closed borders move one half after the other. */
 enum { N_ROUNDS = 2 };
 
 /* Rings of faces in the band about a border. */
@@ -313,8 +313,8 @@ static void count_borders(struct borders *borders, int64_t n, const int32_t *way
     }
 }
 
-/* Lead a part of a border anew, if that is cheaper and leaves both charts whole. */
-static void lead_anew(struct borders *borders, int64_t n, const int32_t *old, int32_t *way)
+/* Move a part of a border, if that is cheaper and leaves both charts whole. */
+static void move_border(struct borders *borders, int64_t n, const int32_t *old, int32_t *way)
 {
     borders->time++;
     double unit = 0.0, step[3], cost = 0.0;
@@ -356,7 +356,7 @@ static int64_t collect(const struct borders *borders, int32_t edge, bool *is_see
     return n;
 }
 
-/* Lead all borders anew once: those with ends, then closed ones, in halves. */
+/* Move all borders once: those with ends, then closed ones, one half after the other. */
 static void lead_all(struct borders *borders, int round, bool *is_seen, int32_t *old, int32_t *way)
 {
     const int32_t n_edges = (int32_t)(3 * borders->n_faces);
@@ -373,13 +373,13 @@ static void lead_all(struct borders *borders, int round, bool *is_seen, int32_t 
             if (is_loop != closed)
                 continue;
             if (!is_loop) {
-                lead_anew(borders, n, old, way);
+                move_border(borders, n, old, way);
             } else if (n >= 4) {
                 /* In each round another pair of vertices stays. */
                 const int64_t shift = is_passed(borders, borders->tails[edge]) && round % 2 ? n / 4 : 0;
                 memcpy(old + n, old, (size_t)shift * sizeof *old);
-                lead_anew(borders, n / 2, old + shift, way);
-                lead_anew(borders, n - n / 2, old + shift + n / 2, way);
+                move_border(borders, n / 2, old + shift, way);
+                move_border(borders, n - n / 2, old + shift + n / 2, way);
             }
         }
     }
@@ -409,7 +409,7 @@ void straighten_labels(
     reset_arena(arena, mark);
 }
 
-/* Lead the borders between labels anew; see `straighten_labels`. */
+/* Move the borders between labels; see `straighten_labels`. */
 EXPORT int64_t straighten_borders(
     int64_t n, int64_t n_faces, const double points[n][3], const int32_t corners[n_faces][3],
     const int32_t opposite[3 * n_faces], const double weights[n_faces][3], double width,

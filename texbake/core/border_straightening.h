@@ -1,4 +1,4 @@
-/* Borders between labels of faces led anew, border_straightening.c. */
+/* Borders between labels of faces are moved, border_straightening.c. */
 
 #pragma once
 
@@ -16,7 +16,7 @@ struct weighted_surface {
     const double (*weights)[3];
 };
 
-/* Lead the borders between labels anew along edges, where that is cheaper. `width`: rings of faces in
+/* Move the borders between labels to cheaper edges. `width`: rings of faces in
    the band about a border, for each of its edges. Where borders meet, they stay. */
 void straighten_labels(
     struct arena *arena, const struct weighted_surface *surface, double width, int32_t *labels);

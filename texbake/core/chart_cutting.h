@@ -95,7 +95,7 @@ struct part *divide_layout(const struct cutting *cutting, const struct part *par
 /* part_division.c: divide a part in pieces, along creases, or in halves, and flatten each. */
 void divide(const struct cutting *cutting, struct part *part);
 
-/* Lead the borders between labels of the faces of a part anew, by the weights of edges. */
+/* Move the borders between labels of the faces of a part, by the weights of edges. */
 void straighten(const struct cutting *cutting, const struct part *part, int32_t *labels);
 
 /* Find the first face in the polygon of each face of a part. */

@@ -56,7 +56,7 @@ bool packs_well(const struct cutting *cutting, const struct part *part)
 }
 
 /* Label the connected pieces on both sides of a line through the middle of the area; return how many
-   there are. The border between them is led anew if it is final. */
+   there are. The border between them moves once more if it is final. */
 static int32_t label_sides(
     const struct cutting *cutting, const struct part *part, double angle, bool is_final,
     int32_t *labels)

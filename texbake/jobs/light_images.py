@@ -1,4 +1,4 @@
-"""Images of a lightened model, coded anew at a side and a quality each.
+"""Images of a lightened model, each encoded at a side and a quality of its own.
 
 Without a quality, an image gets the lowest one that leaves it 40 dB, and a file that is smaller
 than the new one stays as it is.

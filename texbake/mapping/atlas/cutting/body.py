@@ -164,7 +164,7 @@ class _Body:
         self._find(sources.astype(np.int32), self.distances, self.before)
 
     def _find(self, sources: IntArray, distances: FloatArray, before: IntArray) -> None:
-        core.find_shortest_ways(self._rows, self._ends, self._costs, sources, distances, before)
+        core.find_shortest_paths(self._rows, self._ends, self._costs, sources, distances, before)
 
 
 def _way(before: IntArray, vertex: int) -> Iterator[int]:
@@ -211,7 +211,7 @@ def _loops(body: _Body) -> list[list[int]]:
 
 
 def _loops_at(body: _Body, distances: FloatArray, before: IntArray) -> list[list[int]]:
-    """Loops through the root of a tree of shortest ways, one for each edge outside of two trees."""
+    """Loops through the root of a tree of shortest paths: one per edge in neither of two trees."""
     half_edges = np.flatnonzero(body.opposite > np.arange(len(body.opposite)))
     tails, heads = body.tails[half_edges], body.heads[half_edges]
     is_free = (before[tails] != heads) & (before[heads] != tails)

@@ -207,7 +207,7 @@ class _PieceGraph:
         piece = self._piece
         distances = np.full(len(piece.points), np.inf)
         before = np.full(len(piece.points), -1, dtype=np.int32)
-        core.find_shortest_ways(
+        core.find_shortest_paths(
             self._rows, self._ends, self._costs, np.array([end], np.int32), distances, before
         )
         way = [start]

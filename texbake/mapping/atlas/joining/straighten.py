@@ -1,4 +1,4 @@
-"""Borders between charts led anew along edges, where that is cheaper by a weight of each edge.
+"""Borders between charts move to edges that are cheaper by the weight of each edge.
 
 Kernel: `core/border_straightening.c`, which says how. Charts that gain or lose faces are flattened
 again, starting from their layouts, in which new faces unfold. A chart that would stretch more, or
@@ -24,7 +24,7 @@ from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.mesh.topology import next_half_edges
 from texbake.parallel import run_bands
 
-_WIDTHS = (0.1,)  # rings of faces in the band about a border, for each of its edges
+_WIDTH = 0.1  # rings of faces in the band about a border, for each of its edges
 _ITERATIONS = 30  # of flattening
 # How much the part of a chart's stretch above 1 may grow.
 _ROOM, _LEAST_ROOM = 1.1, 0.002
@@ -34,8 +34,8 @@ def straighten_charts(surface: ChartSurface, charts: Charts, weights: FloatArray
     """Shorten the borders of charts; edges count by `weights` (F, 3), infinite for no border."""
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
-    for width in _WIDTHS if len(pieces) > 1 else ():
-        pieces = _straightened(surface, opposite.copy(), pieces, weights, width)
+    if len(pieces) > 1:
+        pieces = _straightened(surface, opposite.copy(), pieces, weights)
     return charts_of(pieces, charts)
 
 
@@ -44,9 +44,8 @@ def _straightened(
     opposite: IntArray,
     pieces: list[ChartPiece],
     weights: FloatArray,
-    width: float,
 ) -> list[ChartPiece]:
-    """Lead the borders of pieces anew in bands of `width` rings for each of their edges."""
+    """Move the borders of pieces within bands about them."""
     before = np.full(len(surface.faces), -1, dtype=np.int32)
     for label, piece in enumerate(pieces):
         before[piece.face_ids] = label
@@ -54,7 +53,7 @@ def _straightened(
     slits = border[(opposite[border] >= 0) & (before[border // 3] == before[opposite[border] // 3])]
     opposite[slits] = -1
     after = before.copy()
-    core.straighten_borders(surface.points, surface.joints[0], opposite, weights, width, after)
+    core.straighten_borders(surface.points, surface.joints[0], opposite, weights, _WIDTH, after)
     made = list(pieces)
     tried, refused = before, np.zeros(len(pieces), dtype=bool)
     while True:

@@ -13,7 +13,7 @@
 
    The edges from vertex i lead to `ends[rows[i]]` to `ends[rows[i + 1] - 1]`. The first call gets
    infinite distances; a later one those of the call before it. Returns 1. */
-EXPORT int64_t find_shortest_ways(
+EXPORT int64_t find_shortest_paths(
     int64_t n, int64_t n_ends, int64_t n_sources, const int64_t rows[n + 1],
     const int32_t ends[n_ends], const double costs[n_ends], const int32_t sources[n_sources],
     double distances[n], int32_t before[n])
