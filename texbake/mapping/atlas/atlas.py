@@ -29,7 +29,7 @@ from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import chart_stretch, relax_charts
 from texbake.mapping.atlas.halves import Halves, find_halves
 from texbake.mapping.atlas.joining.bound import bound_charts
-from texbake.mapping.atlas.joining.join import MOST_WASTE, join_charts
+from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.atlas.mirrored_charts import (
     half_charts,
@@ -53,13 +53,11 @@ _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
 _HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller as they are cut
 _BEST_STRETCH = 1.09
-# Empty area in the hulls of charts with `fast`, whose packing does not fill them; see `MOST_WASTE`.
-_FAST_WASTE = 0.2
 # Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
 # set the scale of all others: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
-_JOIN_WORK = {"fast": 30, "good": 300, "best": 1000}
+_JOIN_WORK = {"good": 300, "best": 1000}
 # Whole bodies that cost less than this share of what `good` does leave no more to be tried.
 _CLEARLY_BETTER = 0.7
 # Steps from zero to the size of the largest of several meshes.
@@ -268,21 +266,26 @@ def _connected_charts(
         with stages.stage("flatten between seams"):
             charts = marked_charts(mesh, surface, options)
         return _bounded(surface, charts, options, stages)
-    halves = None
-    if options.symmetry != "off" and options.charts == "texbake":
+    overlaps = options.symmetry == "overlap"
+    # Charts that mirror each other take three times as long as those of `fast`.
+    mirrors = options.symmetry == "auto" and options.quality != "fast"
+    why = "it has no mirror plane"
+    if (overlaps or mirrors) and options.charts == "texbake":
         with stages.stage("find mirror plane"):
-            halves = find_halves(surface, apart=options.symmetry == "overlap")
-    if halves is not None:
-        if options.symmetry == "overlap" and halves.twins is not None:
+            halves = find_halves(surface, apart=overlaps)
+        if halves is not None and overlaps and halves.twins is not None:
             return _stacked_charts(mesh, surface, halves, options, stages)
-        charts = _symmetric_charts(mesh, surface, halves, options, stages)
-        return _without_stacks(charts, "its faces do not mirror each other one by one", options)
+        if halves is not None:
+            why = "its faces do not mirror each other one by one"
+        if halves is not None and options.quality != "fast":
+            charts = _symmetric_charts(mesh, surface, halves, options, stages)
+            return _without_stacks(charts, why, options)
     weights = _weights(surface, options, stages)
     charts = _cut(mesh, surface, options, stages, weights)
     if options.quality != "fast":
         charts = _improved(mesh, surface, charts, options, stages, weights)
     charts = _bounded(surface, charts, options, stages)
-    return _without_stacks(charts, "it has no mirror plane", options)
+    return _without_stacks(charts, why, options)
 
 
 def _without_stacks(charts: Charts, why: str, options: UnwrapOptions) -> Charts:
@@ -377,8 +380,6 @@ def _joined(
 ) -> Charts:
     """Join charts as far as the stretch allows that they had `as_cut`, and straighten borders."""
     allowed = _BEST_STRETCH
-    if options.quality == "fast":
-        allowed = as_cut
     if options.quality == "good":
         room = _GOOD_ROOM if halves is None else _HALVES_ROOM
         allowed = min(1.0 + room * (as_cut - 1.0), _GOOD_STRETCH)
@@ -389,7 +390,6 @@ def _joined(
             weights=weights,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
-            most_waste=_FAST_WASTE if options.quality == "fast" else MOST_WASTE,
             most_length=_JOINED_SIDES,
             most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
             mates_of=None if halves is None else partial(mates_of, surface=surface, halves=halves),

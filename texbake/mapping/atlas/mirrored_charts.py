@@ -49,15 +49,12 @@ def half_charts(
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     half = half_surface(surface, halves)
     charts = _split_off(half, replace(charts, faces=charts.faces[ids]))
-    relax = quality != "fast"
-    if relax:
-        charts = relax_charts(half, charts)
-    charts = compact_charts(half, charts)
+    charts = compact_charts(half, relax_charts(half, charts))
     if halves.twins is not None:
         mirrored = _mirrored(surface, halves, charts, ids, others)
     else:
         mirrored = _carried(mesh, surface, halves, charts, others, quality)
-        if relax and mirrored is not None:
+        if mirrored is not None:
             mirrored = relax_charts(surface.part(others), mirrored)
     pieces = [(ids, charts)] if mirrored is None else [(ids, charts), (others, mirrored)]
     return gather_charts(mesh.faces, pieces)
