@@ -8,8 +8,17 @@ import pytest
 
 from tests.character import character, posed
 from tests.glb import read_glb
-from texbake.errors import OptionError, ReadWarning, UvError, heard_warnings
-from texbake.jobs.light_images import Picture, coded, decoded, psnr
+from tests.models import sponge
+from texbake.errors import (
+    MeshError,
+    OptionError,
+    ReadWarning,
+    UnwrapError,
+    UvError,
+    heard_warnings,
+)
+from texbake.jobs.fitting_atlas import unwrap_to_fit
+from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import RunOptions
@@ -388,3 +397,106 @@ def test_a_quality_leaves_forty_decibels_if_any_does():
     small = coded(Picture("ramp", codes, True), "png", quality=None, side=16)
     assert decoded(small, 3).shape == (16, 16, 3)
     assert coded(Picture("ramp", codes, True, data), "webp", quality=100, side=64) == data
+
+
+def test_parts_that_were_dropped_are_named(tmp_path):
+    ball = uv_sphere(6, 12)
+    places = [np.array([3.0 * i, 0.0, 0.0]) for i in range(60)]
+    parts = [ball.replace(positions=ball.positions + place) for place in places]
+    write_glb(join_meshes(parts), tmp_path / "parts.glb")
+    options = replace(OPTIONS, n_faces=200)
+    done = lighten_file(tmp_path / "parts.glb", tmp_path / "light.glb", options)
+    assert "small separate parts were dropped" in done.warnings
+
+
+@pytest.mark.parametrize("uvs", ["keep", "new"])
+def test_a_number_of_triangles_that_cannot_be_reached_is_an_error(tmp_path, uvs):
+    mesh = sponge(2)
+    mesh = mesh.replace(uvs=mesh.positions[:, :2], uv_faces=mesh.faces)
+    paint = picture(tmp_path, "paint.png", np.zeros((4, 4, 3), np.uint8))
+    channels = {"base-color": ChannelSource((1.0, 1.0, 1.0), paint)}
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name="paint", channels=channels),),
+    )
+    write_glb(mesh, tmp_path / "sponge.glb", materials=materials)
+    options = LightenOptions(n_faces=200, uvs=uvs, size=128, views=0)
+    with pytest.raises(MeshError, match=r"200 triangles cannot be reached, .*; request more"):
+        lighten_file(tmp_path / "sponge.glb", tmp_path / "light.glb", options)
+    # Trials of a size may have more.
+    done = lighten_file(
+        tmp_path / "sponge.glb",
+        tmp_path / "light.glb",
+        replace(options, n_faces=700, target_size=60_000),
+    )
+    assert done.report.n_bytes <= 60_000
+
+
+def test_why_no_atlas_can_be_made_is_said_and_not_that_charts_are_small():
+    flat = uv_sphere(6, 12).replace(positions=np.zeros((uv_sphere(6, 12).n_vertices, 3)))
+    with pytest.raises(UnwrapError, match="faces has an area"):
+        unwrap_to_fit(flat, 64, None, may_grow=True)
+
+
+def test_no_warning_says_that_a_skin_which_stays_was_left_out(tmp_path):
+    mesh, rig = character()
+    write_glb(mesh, tmp_path / "a.glb", rig=rig)
+    heard = []
+    with heard_warnings(heard.append):
+        lighten_file(tmp_path / "a.glb", tmp_path / "b.glb", replace(OPTIONS, views=1))
+    assert heard == []
+
+
+def test_colors_that_alpha_hides_cost_no_quality_and_others_get_forty_decibels():
+    rng = np.random.default_rng(0)
+    codes = np.full((64, 64, 4), 255, np.uint8)
+    codes[..., :3] = np.linspace(60, 200, 64).astype(np.uint8)[:, np.newaxis, np.newaxis]
+    codes[32:, :, :3] = rng.integers(0, 256, (32, 64, 3))
+    codes[32:, :, 3] = 0
+    whole = Picture("leaf", codes, True)
+    data, plain = (
+        coded(replace(whole, is_cut=cut), "webp", quality=None, side=64) for cut in (True, False)
+    )
+    assert len(data) < len(plain)
+    assert psnr(decoded(data, 4)[:32, :, :3], codes[:32, :, :3]) >= 40.0
+    worse = codes.copy()
+    worse[:32, :, :3] -= 3
+    assert psnr(worse, codes, is_cut=True) == psnr(worse[:32, :, :3], codes[:32, :, :3]) < 40.0
+
+
+@pytest.mark.parametrize(
+    ("modes", "is_cut"), [(("mask",), True), (("blend",), True), (("mask", "opaque"), False)]
+)
+def test_alpha_hides_colors_where_no_opaque_material_shows_them(tmp_path, modes, is_cut):
+    codes = np.full((4, 4, 4), 128, np.uint8)
+    paint = picture(tmp_path, "paint.png", codes)
+    alpha = replace(paint, components=(3,))
+    channels = {"base-color": ChannelSource((1.0, 1.0, 1.0), paint)}
+    items = tuple(
+        MeshMaterial(
+            name=mode,
+            channels={
+                **channels,
+                **({} if mode == "opaque" else {"alpha": ChannelSource((1.0,), alpha)}),
+            },
+            alpha_mode=mode,
+        )
+        for mode in modes
+    )
+    (found,) = pictures_of(Materials(face_materials=np.zeros(1, np.int32), materials=items))
+    assert found.is_cut is is_cut
+
+
+def test_images_of_one_stem_get_names_of_their_own(tmp_path):
+    codes = np.zeros((4, 4, 3), np.uint8)
+    paints = [picture(tmp_path, "a.png", codes), picture(tmp_path, "a.jpg", codes)]
+    items = tuple(
+        MeshMaterial(
+            name=paint.name, channels={"base-color": ChannelSource((1.0, 1.0, 1.0), paint)}
+        )
+        for paint in paints
+    )
+    materials = Materials(face_materials=np.zeros(1, np.int32), materials=items)
+    files = {paint.name: paints[0].data for paint in paints}
+    names = [m.channels["base-color"].image.name for m in with_files(materials, files).materials]
+    assert names == ["a.png", "a_2.png"]

@@ -44,6 +44,7 @@ def unwrap_to_fit(
     options = UnwrapOptions(size=size, padding=padding, seams_at_hard_edges=True)
     asked = options.width_px, options.height_px
     charted: Mesh | None = None
+    failure: UnwrapError | None = None
     for times in (1, 2, 4, 8):
         sides = asked[0] * times, asked[1] * times
         if max(sides) > max(_GREATEST, *asked):
@@ -56,7 +57,8 @@ def unwrap_to_fit(
                 made, report = unwrap_with_report(
                     charted or mesh, options=chosen, threads=threads, progress=progress
                 )
-            except UnwrapError:
+            except UnwrapError as error:
+                failure = error
                 continue
             charted = made
             if share_without_texel(made, sides, threads=threads) > MOST_WITHOUT_TEXEL:
@@ -73,6 +75,8 @@ def unwrap_to_fit(
                 f"the images have {sides[0]} x {sides[1]} texels"
             )
             return made, report, (note,)
+    if charted is None and failure is not None:
+        raise failure
     raise UvError(
         f"{mesh.name}: more than a hundredth of its area would own no texel, even at "
         f"{_GREATEST} x {_GREATEST}; use fewer triangles, or `uvs` keep"

@@ -21,7 +21,13 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, scratch_folder
-from texbake.jobs.light_images import Picture, coded_pictures, decoded, with_files
+from texbake.jobs.light_images import (
+    Picture,
+    coded_pictures,
+    decoded,
+    squared_errors,
+    with_files,
+)
 from texbake.jobs.light_models import LightModel, Source
 from texbake.mesh.materials import Materials
 from texbake.records import dataclass
@@ -37,7 +43,7 @@ _BYTES, _CODED_BYTES = 9, 3
 _QUALITIES = (15, 35, 60, 85)
 _LEAST_SIDE = 64
 _GROWTH = 2.5  # bytes of an image over those of half its side, at least
-# How much the squared error of codes shows in pictures, beside that of colors.
+# Weights of the squared errors of codes: chosen, not measured.
 _WEIGHTS = {"color": 1.0, "normal": 0.25, "other": 0.15}
 _MOST_BYTES = 1 << 40
 
@@ -99,7 +105,7 @@ class Budget:
 
     def _trial(self, n_faces: int, n_bytes: int) -> Trial:
         if n_faces not in self._levels:
-            self._levels[n_faces] = self.source.lightened(n_faces, may_unwrap=False)
+            self._levels[n_faces] = self.source.lightened(n_faces, is_trial=True)
         light_model = self._levels[n_faces]
         with scratch_folder() as folder:
             path = folder / "trial.glb"
@@ -115,7 +121,7 @@ class Budget:
             options = RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)
             with self.source.stages.part("compare trials"):
                 found = compare_models(
-                    self.model, path, n_views=_VIEWS, options=options,
+                    self.model, path, n_views=_VIEWS, options=options, at_rest=True,
                     threads=self.source.options.threads,
                 )  # fmt: skip
         return Trial(light_model=light_model, materials=materials, n_bytes=size, db=found.mean_db)
@@ -185,7 +191,8 @@ class Budget:
             codes = picture.at_side(side)
             encoding = self.source.options.images
             data = encode_image(codes, encoding, quality=quality, is_color=picture.is_color)
-            error = _squared(decoded(data, codes.shape[2]), codes) + self._error_of(picture, side)
+            made = decoded(data, codes.shape[2])
+            error = _squared(made, codes, picture.is_cut) + self._error_of(picture, side)
             self._codings[key] = _Coding(data, _WEIGHTS[_kind(picture)] * error)
         return self._codings[key]
 
@@ -196,7 +203,7 @@ class Budget:
             small = picture.at_side(side)
             height, width = picture.codes.shape[:2]
             large = resized(small.astype(np.float32), width, height)
-            self._of_sides[key] = _squared(large, picture.codes)
+            self._of_sides[key] = _squared(large, picture.codes, picture.is_cut)
         return self._of_sides[key]
 
 
@@ -208,7 +215,7 @@ def _kind(picture: Picture) -> str:
     return "normal" if blue > 200 and 96 < red < 160 else "other"
 
 
-def _squared(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> float:
+def _squared(one: npt.NDArray[Any], other: npt.NDArray[Any], is_cut: bool) -> float:
     """Mean of the squares of differences of codes."""
-    apart = one.astype(np.float64) - other
-    return float((apart * apart).mean())
+    colors, alpha = squared_errors(one, other, is_cut=is_cut)
+    return colors if other.shape[2] == 3 else 0.75 * colors + 0.25 * alpha

@@ -1,7 +1,8 @@
 """Images of a lightened model, each encoded at a side and a quality of its own.
 
-Without a quality, an image gets the lowest one that leaves it 40 dB, and a file that is smaller
-than the new one stays as it is.
+Without a quality, an image gets the lowest one that leaves 40 dB in its colors and in its alpha
+each, and a file that is smaller than the new one stays as it is. Where alpha hides colors, they
+count by it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +48,7 @@ class Picture:
     codes: Codes  # (H, W, 3 or 4)
     is_color: bool  # whether red, green and blue are coded in sRGB
     file: bytes = field(default=b"", repr=False)  # that it comes from, if it comes from one
+    is_cut: bool = False  # whether alpha hides colors wherever the image is shown
     _smaller: dict[int, Codes] = field(default_factory=dict, repr=False)
 
     @property
@@ -69,10 +72,25 @@ class Picture:
         return self._smaller[side]
 
 
-def psnr(one: Codes, other: Codes) -> float:
-    """PSNR of 8-bit codes in dB; infinite for equal ones."""
-    total = int(((one.astype(np.int32) - other) ** 2).sum())
-    return math.inf if total == 0 else 10.0 * pm.log10(255.0**2 * one.size / total)
+def squared_errors(
+    one: npt.NDArray[Any], other: npt.NDArray[Any], *, is_cut: bool
+) -> tuple[float, float]:
+    """Mean squared differences of colors, by the alpha of `other` if it `is_cut`, and of alpha."""
+    apart = one.astype(np.float32) - other
+    apart *= apart  # exact for integer codes, also times alpha
+    colors, alpha = apart[..., :3], apart[..., 3:]
+    weight = float(colors.size)
+    if is_cut:
+        colors = colors * other[..., 3:].astype(np.float32)
+        weight = 3.0 * float(other[..., 3].sum(dtype=np.int64))
+    totals = (float(part.sum(dtype=np.float64)) for part in (colors, alpha))
+    return next(totals) / (weight or 1.0), next(totals) / max(alpha.size, 1)
+
+
+def psnr(one: Codes, other: Codes, *, is_cut: bool = False) -> float:
+    """PSNR of 8-bit codes in dB, of colors or of alpha, whichever is less; infinite for equal."""
+    error = max(squared_errors(one, other, is_cut=is_cut))
+    return math.inf if error == 0.0 else 10.0 * pm.log10(255.0**2 / error)
 
 
 def decoded(data: bytes, n_components: int) -> Codes:
@@ -92,18 +110,19 @@ def coded(picture: Picture, encoding: str, *, quality: int | None, side: int) ->
     if quality is not None or encoding_of(codes, encoding) == "png":
         data = encode(_QUALITIES[-1] if quality is None else quality)
     else:
-        data = _of_least_quality(codes, encode)
+        data = _of_least_quality(codes, encode, picture.is_cut)
     is_kept = side >= picture.side and media_type(picture.file) in _READ_WITH[encoding]
     return picture.file if is_kept and len(picture.file) <= len(data) else data
 
 
-def _of_least_quality(codes: Codes, encode: Callable[[int], bytes]) -> bytes:
+def _of_least_quality(codes: Codes, encode: Callable[[int], bytes], is_cut: bool) -> bytes:
     first, last = 0, len(_QUALITIES) - 1
     found: dict[int, bytes] = {}
     while first < last:
         middle = (first + last) // 2
         found[middle] = encode(_QUALITIES[middle])
-        if psnr(decoded(found[middle], codes.shape[2]), codes) >= LEAST_DB:
+        made = decoded(found[middle], codes.shape[2])
+        if psnr(made, codes, is_cut=is_cut) >= LEAST_DB:
             last = middle
         else:
             first = middle + 1
@@ -113,6 +132,7 @@ def _of_least_quality(codes: Codes, encode: Callable[[int], bytes]) -> bytes:
 def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Picture, ...]:
     """Return the images of materials, arranged as glTF reads them, each once."""
     found: dict[str, Picture] = {}
+    cut = _cut_images(materials)
     for material in materials.materials:
         for channel, source in material.channels.items():
             image = source.image
@@ -122,9 +142,26 @@ def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Pi
             pixels, _ = image_codes(image, is_color=is_color, threads=threads)
             codes = quantize_unsigned(_with_colors(pixels), 8, threads=threads)
             found[image.name] = Picture(
-                image.name, np.asarray(codes, np.uint8), is_color, image.data
+                image.name,
+                np.asarray(codes, np.uint8),
+                is_color,
+                image.data,
+                is_cut=image.name in cut and codes.shape[2] == 4,
             )
     return tuple(found.values())
+
+
+def _cut_images(materials: Materials) -> set[str]:
+    """Names of images whose alpha is that of every material that shows them."""
+    cut: set[str] = set()
+    shown: set[str] = set()
+    for material in materials.materials:
+        names = {source.image.name for source in material.channels.values() if source.image}
+        alpha = material.channels.get("alpha")
+        own = alpha.image if alpha is not None and material.alpha_mode != "opaque" else None
+        cut |= {own.name} if own else set()
+        shown |= names - ({own.name} if own else set())
+    return cut - shown
 
 
 def _with_colors(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
@@ -153,15 +190,21 @@ def coded_pictures(
 
 def with_files(materials: Materials, files: Mapping[str, bytes]) -> Materials:
     """Return materials whose images have other files, by the names of the images."""
+    names: dict[str, str] = {}
+    for old, data in files.items():
+        path = Path(old)
+        stem = path.stem if path.suffix in _KNOWN else old
+        suffix = _SUFFIXES.get(media_type(data), "")
+        name, n = f"{stem}{suffix}", 1
+        while name in names.values():
+            n += 1
+            name = f"{stem}_{n}{suffix}"
+        names[old] = name
 
     def changed(image: ChannelImage) -> ChannelImage:
         if image.name not in files:
             return image
-        data = files[image.name]
-        suffix = next((s for s in ENCODINGS.values() if s == _SUFFIXES.get(media_type(data))), "")
-        stem = Path(image.name)
-        name = f"{stem.stem if stem.suffix in _KNOWN else image.name}{suffix}"
-        return replace(image, data=data, name=name)
+        return replace(image, data=files[image.name], name=names[image.name])
 
     items = []
     for material in materials.materials:

@@ -30,7 +30,7 @@ from texbake.mesh.objects import joined_objects, object_names, without_borders
 from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.poses import with_poses
 from texbake.mesh.rig import Rig
-from texbake.mesh.simplify import SimplifyReport, simplify_with_report
+from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
 from texbake.mesh.triangle_tree import with_nearest_motion, with_source_normals
 from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import oriented
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 # Materials with images that `auto` keeps. More are slow to draw.
 _MOST_TEXTURED = 8
+_MORE_WITH_KEPT_UVS = "request more, or use `uvs` new"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,23 +79,27 @@ class Source:
         """Number of triangles to reach."""
         return self.options.target_faces(self.mesh.n_faces)
 
-    def lightened(self, n_faces: int, *, may_unwrap: bool = True) -> LightModel:
+    def lightened(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
         """Return the model with fewer triangles, as the options ask for texture coordinates.
 
-        With `auto`, coordinates that overlap stay unless the model `may_unwrap`.
+        A trial may have more triangles, and with `auto` it keeps coordinates that overlap.
         """
+        threads = self.options.threads
         why = self._why_new_uvs()
         if self.options.uvs == "keep" and why:
             raise OptionError(f"uvs: {self.mesh.name} {why}; use new")
         if self.options.uvs == "new" or why:
+            return self._with_new_uvs(n_faces, is_trial=is_trial)
+        is_auto = self.options.uvs == "auto" and not is_trial
+        if is_auto and self.mesh.n_faces > n_faces and not _is_atlas(self.mesh, threads):
             return self._with_new_uvs(n_faces)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
-        if self.options.uvs == "keep" or simplified is None or not may_unwrap:
+        if simplified is None or is_trial or (is_auto and simplified.is_close_to_count):
             return kept
-        if kept.baked is None:
-            return self._with_new_uvs(n_faces)
-        if simplified.is_close_to_count:
+        if not is_auto:
+            if self.options.n_faces is not None:
+                check_count(simplified.n_faces, n_faces, self.mesh.name, _MORE_WITH_KEPT_UVS)
             return kept
         again = self._with_new_uvs(n_faces)
         note = (
@@ -216,7 +221,7 @@ class Source:
         # What meets there are charts that a person laid out.
         return low, replace(materials, materials=items), replace(baked.report, padding_meets=0)
 
-    def _with_new_uvs(self, n_faces: int) -> LightModel:
+    def _with_new_uvs(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
         from texbake.jobs.material_transfer import (
             encoded_channels,
             shared_materials,
@@ -226,7 +231,7 @@ class Source:
         materials, options, stages = self.materials, self.options, self.stages
         with stages.part("simplify"):
             high, rule, notes = self._oriented()
-            low, low_poly = self._low_poly(high, rule, n_faces)
+            low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
         maps = transferred_channels(materials)
@@ -241,8 +246,8 @@ class Source:
         baked = None
         if maps:  # else the shape is as it was, and every channel is one number
             low, baked, layout = self._baked(high, low, low_poly, rule, maps)
-            made |= layout
-            made["warnings"] = (*made["warnings"], *baked.report.warnings)
+            lines = (*made["warnings"], *layout["warnings"], *baked.report.warnings)
+            made |= {**layout, "warnings": lines}
 
         def keep(name: str, codes: npt.NDArray[np.uint8], is_color: bool) -> bytes:
             pictures.append(Picture(name, codes, is_color))
@@ -300,7 +305,9 @@ class Source:
         }
         return low, baked, figures
 
-    def _low_poly(self, high: Mesh, rule: LowNormals, n_faces: int) -> tuple[Mesh, LowPoly | None]:
+    def _low_poly(
+        self, high: Mesh, rule: LowNormals, n_faces: int, is_trial: bool
+    ) -> tuple[Mesh, LowPoly | None]:
         """Return the mesh that gets the maps; and how it was made, if it has fewer triangles."""
         options = self.options
         # Of the attributes only hard edges and objects matter: all others are baked.
@@ -312,7 +319,8 @@ class Source:
             high=bare, rule=rule, n_faces=n_faces, quality=options.quality, by_parts=True,
             threads=options.threads, progress=self.progress,
         )  # fmt: skip
-        low_poly = maker.make(options.remesh, must_reach=options.n_faces is not None)
+        must_reach = options.n_faces is not None and not is_trial
+        low_poly = maker.make(options.remesh, must_reach=must_reach)
         return with_nearest_motion(low_poly.mesh, high, options.threads), low_poly
 
 

@@ -1,6 +1,11 @@
-"""A model made smaller: fewer triangles, one set of images, all channels of its materials.
+"""A model made smaller: fewer triangles and bytes of images, all channels of its materials.
 
-model ─ simplify ─ unwrap ─► bake every channel ─► one GLB file
+Texture coordinates that are an atlas stay, and so do the images; others are made again:
+
+    model ─ simplify ─┬──────────► bake normals ───────┬─ code images ─► one GLB file
+                      └─ unwrap ─► bake every channel ─┘
+
+With a target size, this is repeated for several numbers of triangles; see `Budget`.
 """
 
 from __future__ import annotations
@@ -164,8 +169,9 @@ def lighten(
         warnings += compared_without(model, materials)
         with stages.part("compare"):
             comparison = compare_models(
-                model, output, n_views=options.views, threads=options.threads, progress=progress
-            )
+                model, output, n_views=options.views, at_rest=True, threads=options.threads,
+                progress=progress,
+            )  # fmt: skip
     figures = LightenReport(
         n_faces_before=source.n_faces,
         n_faces=light_model.mesh.n_faces,

@@ -62,8 +62,8 @@ class LightenOptions(CheckedOptions):
 
     n_faces: int | None = option(
         None,
-        "Number of triangles to reach. With no fewer than the model has, only its maps and "
-        "texture coordinates are made again.",
+        "Number of triangles to reach. With no fewer than the model has, its mesh stays; its "
+        "images are coded again, and baked again where `uvs` asks for new coordinates.",
         metavar="N",
         low=MIN_FACES,
         flag="--faces",

@@ -22,7 +22,7 @@ from texbake.mesh.topology import face_components
 from texbake.records import dataclass
 
 # Power of the size of the model over that of a part. With a quarter, outlines would move alike in
-# theory; on models of many parts, a third had the best pictures.
+# theory. Pictures of models of many parts differed little with 0, 0.25, 0.35 and 0.5.
 _ROOT = 1.0 / 3.0
 _STEP = 1.25  # parts are enlarged by a power of this
 _MOST_STEPS = 32

@@ -80,10 +80,14 @@ def compare_models(
     *,
     n_views: int = N_VIEWS,
     options: RenderOptions | None = None,
+    at_rest: bool = False,
     threads: int | None = None,
     progress: Progress = None,
 ) -> ModelComparison:
-    """Draw two versions of a model from all around, and measure how much the pictures differ."""
+    """Draw two versions of a model from all around, and measure how much the pictures differ.
+
+    Skins are not applied; a warning says so unless the models shall be `at_rest`.
+    """
     if n_views < 1:
         raise OptionError(f"n_views: {n_views} is below 1; give at least one view")
     options = options or RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)
@@ -91,7 +95,7 @@ def compare_models(
     options = replace(options, edges="supersample")
     stages = Stages(progress)
     with stages.stage("read models"):
-        scenes = [model_scene(path) for path in (before, after)]
+        scenes = [model_scene(path, at_rest=at_rest) for path in (before, after)]
         models = [prepare(scene, options, threads=threads) for scene in scenes]
     shapes = [outline(item) for scene in scenes for item in scene.objects]
     views = sphere_views(n_views)
@@ -145,11 +149,11 @@ def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
     )
 
 
-def model_scene(path: PathLike) -> Scene:
+def model_scene(path: PathLike, *, at_rest: bool = False) -> Scene:
     """Read a model file as a scene in the light of a room, without its own lights and cameras."""
     file = written_file(path)
     if file.suffix.lower() in _GLTF:
-        scene = read_gltf_scene(file)
+        scene = read_gltf_scene(file, at_rest=at_rest)
     else:
         from texbake.rendering.scene.read import scene_from_materials
 

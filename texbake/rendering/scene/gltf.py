@@ -54,12 +54,14 @@ SHOWN = (
 )
 
 
-def read_gltf_scene(path: PathLike, *, progress: Progress = None) -> Scene:
-    """Read a .glb or .gltf file as a scene."""
+def read_gltf_scene(path: PathLike, *, at_rest: bool = False, progress: Progress = None) -> Scene:
+    """Read a .glb or .gltf file as a scene; without a warning of skins if it shall be `at_rest`."""
     with Stages(progress).stage(f"read {Path(path).name}"):
         document = read_document(path)
         placed = scene_nodes(document)
         check_instance_count(placed)
+        if not at_rest:
+            warn_of_pose(document)
         return _Reader(document).scene(placed)
 
 
@@ -75,7 +77,6 @@ class _Reader:
         self.n_corners = 0
         self.meshes: dict[tuple[int, int], Mesh | None] = {}
         self.shown: dict[int, list[int]] = {}  # primitives of a mesh that have triangles
-        warn_of_pose(document)
         self.notes = [
             f"it uses {shortened(name)}, which the renderer does not support"
             for name in dict.fromkeys(
