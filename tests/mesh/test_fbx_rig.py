@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from tests.fbx_writer import CM, POINTS, moving_scene, written
+from tests.fbx_writer import CM, POINTS, moving_scene, scene, shape, written
 from texbake.errors import heard_warnings
 from texbake.mesh.files import read_mesh
-from texbake.mesh.files.fbx_curves import Curve
-from texbake.mesh.files.fbx_rig import decomposed
+from texbake.mesh.files.fbx_curves import Curve, read_curve
+from texbake.mesh.files.fbx_nodes import Node
+from texbake.mesh.files.node_matrices import decomposed
 from texbake.mesh.poses import with_poses
 from texbake.mesh.rig import read_rig
 from texbake.verbs.meshes import transform_file
@@ -54,11 +55,56 @@ def test_an_fbx_character_becomes_a_glb_file(tmp_path):
     assert "without" not in warning  # it counts polygons
     before, after = (with_poses(read_mesh(p), read_rig(p)) for p in (path, tmp_path / "b.glb"))
     for here, there in zip(before.deformation.poses, after.deformation.poses, strict=True):
-        a, b = here[before.faces], there[after.faces]
-        # The skin is stored in the space and the unit of its geometry, the door where it is.
-        is_door = before.face_groups == before.face_groups.max()
-        np.testing.assert_allclose(b[is_door], a[is_door], atol=1e-6)
-        np.testing.assert_allclose(b[~is_door] * CM + [0, 0, 5 * CM], a[~is_door], atol=1e-6)
+        np.testing.assert_allclose(there[after.faces], here[before.faces], atol=1e-6)
+
+
+@pytest.mark.parametrize("inherit_type", [0, 1, 2])
+@pytest.mark.parametrize("scaling", [[1.0, 3.0, 1.0], [0.0, 0.0, 0.0]])
+def test_meshes_stay_where_nodes_would_be_sheared_or_flattened(tmp_path, inherit_type, scaling):
+    path, fields = tmp_path / "a.fbx", {"InheritType": [inherit_type]}
+    place = {"Lcl Rotation": [0.0, 0.0, 45.0], "Lcl Translation": [1.0, 2.0, 3.0]}
+    models = {"top": ({"Lcl Scaling": scaling}, None), "wall": (place | fields, "top")}
+    path.write_bytes(written(scene(7400, models=models), 7400, "binary"))
+    transform_file(path, tmp_path / "b.glb")
+    before, after = read_mesh(path), read_mesh(tmp_path / "b.glb")
+    np.testing.assert_allclose(
+        after.positions[after.faces], before.positions[before.faces], atol=1e-7
+    )
+    for node in read_rig(path).nodes[1:]:
+        assert "matrix" not in node  # glTF has no shear
+
+
+def test_objects_keep_their_numbers_where_some_have_no_triangle(tmp_path):
+    models = {name: ({"Lcl Translation": [x, 0.0, 0.0]}, None) for x, name in enumerate("abc")}
+    nodes = scene(7400, models=models)
+    empty = shape(polygons=np.array([0, -2], np.int32))
+    nodes[1][2].append(("Geometry", [11, "bad\0\1Geometry", "Mesh"], empty))
+    links = [each for each in nodes[2][2] if each[1] != ["OO", 10, 100]]
+    nodes[2][2][:] = [*links, ("C", ["OO", 11, 100], [])]
+    path = tmp_path / "a.fbx"
+    path.write_bytes(written(nodes, 7400, "binary"))
+    before = read_mesh(path)
+    assert before.group_objects == (1, 2)
+    transform_file(path, tmp_path / "b.glb")
+    after = read_mesh(tmp_path / "b.glb")
+    np.testing.assert_allclose(
+        after.positions[after.faces], before.positions[before.faces], atol=1e-7
+    )
+    made = read_rig(tmp_path / "b.glb")
+    assert [made.nodes[item.node]["name"] for item in made.objects.values()] == ["b", "c"]
+
+
+def test_counts_of_keys_beyond_the_keys_are_harmless():
+    n = 4
+    fields = {
+        "KeyTime": np.arange(n), "KeyValueFloat": np.arange(n, dtype=np.float32),
+        "KeyAttrFlags": np.array([2, 4, 8]), "KeyAttrDataFloat": np.zeros(12, np.float32),
+        "KeyAttrRefCount": np.array([1, 2**31 - 1, 2**31 - 1]),
+    }  # fmt: skip
+    node = Node(
+        "AnimationCurve", [], [Node(name, rows.tolist(), []) for name, rows in fields.items()]
+    )
+    assert read_curve(node).flags.tolist() == [2, 4, 4, 4]
 
 
 def test_curves_hold_go_straight_or_bend():

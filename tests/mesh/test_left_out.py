@@ -273,7 +273,7 @@ def test_animations_and_lights_of_gltf_are_counted(tmp_path):
         extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
     )
     assert read_contents(path).passed_over == ("2 animations", "1 skin", "1 light")
-    empty = "left out 2 animations that move nothing or are damaged"
+    empty = "left out 2 animations: animation 0: it moves no node of the scene"
     with pytest.warns(ReadWarning, match=empty):
         (warning,) = transform_file(path, tmp_path / "b.obj").warnings
     assert "written without 2 animations, 1 skin, 1 light" in warning

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from tests.character import BODY, WHEEL, character, posed
+from texbake.errors import heard_warnings
 from texbake.mesh.compose import excerpt, join_parts, transformed
 from texbake.mesh.deformation import largest_weights
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files.node_matrices import inverse, rotation_matrices
 from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOptions
 from texbake.mesh.poses import with_poses
 from texbake.mesh.repair import repair
@@ -45,7 +47,7 @@ def test_a_character_is_read_as_it_was_written(path):
     for share in (0.0, 0.3, 1.0):
         np.testing.assert_allclose(corners_at(mesh, share), corners_at(before, share), atol=1e-6)
     for key in ("skins", "cameras", "extensions", "scenes"):
-        made = json.dumps(rig.content[key]), json.dumps(given.content[key])
+        made = [json.dumps(each.content[key], sort_keys=True) for each in (rig, given)]
         assert key == "skins" or made[0] == made[1]
     (wave,) = rig.content["animations"]
     assert [channel["target"] for channel in wave["channels"]] == [
@@ -68,17 +70,158 @@ def test_convert_keeps_what_moves(path, tmp_path, options):
     assert names[:7] == [node["name"] for node in document(path)["nodes"]]
     assert content["meshes"][0]["name"] == "tube"
     assert content["meshes"][0]["extras"]["targetNames"] == ["bulge"]
-    if options:  # the skin takes the tube along, so only the wheel moves in the file
+    if options:
         assert names[7] == "transform" and content["scenes"][0]["nodes"] == [7]
-        wheel = after.positions[np.unique(after.faces[after.face_groups == 1])]
-        given = before.positions[np.unique(before.faces[before.face_groups == 1])]
-        turned = 3.0 * given[:, [0, 2, 1]] * [1, 1, -1]
-        np.testing.assert_allclose(np.sort(wheel, axis=0), np.sort(turned, axis=0), atol=1e-5)
+        poses = [with_poses(read_mesh(p), read_rig(p)).deformation.poses
+                 for p in (path, tmp_path / "b.glb")]  # fmt: skip
+        shapes = (before.positions, *poses[0]), (after.positions, *poses[1])
+        for here, there in zip(*shapes, strict=True):
+            turned = 3.0 * here[before.faces][..., [0, 2, 1]] * [1, 1, -1]
+            np.testing.assert_allclose(there[after.faces], turned, atol=1e-5)
         return
     assert np.array_equal(after.positions, before.positions)
     assert np.array_equal(after.faces, before.faces)
     for share in (0.0, 0.5, 1.0):
         np.testing.assert_allclose(corners_at(after, share), corners_at(before, share), atol=1e-6)
+
+
+@pytest.mark.parametrize("quantize", [False, True])
+def test_objects_that_nodes_cannot_hold_stay_in_their_place(tmp_path, quantize):
+    mesh, rig = character()
+    nodes = [dict(node) for node in rig.content["nodes"]]
+    nodes[BODY]["translation"] = [5, 0, 0]  # a skinned mesh ignores it
+    flat = np.diag([1.0, 1.0, 0.0, 1.0])
+    wheel = replace(rig.objects[WHEEL], matrix=flat)
+    rig = replace(rig, content=rig.content | {"nodes": nodes},
+                  objects=rig.objects | {WHEEL: wheel})  # fmt: skip
+    lines = []
+    with heard_warnings(lines.append):
+        write_mesh(mesh.replace(deformation=None), tmp_path / "a.glb", rig=rig, quantize=quantize)
+    assert len(lines) == 2 and "body" in lines[0] and "wheel" in lines[1]
+    made = read_mesh(tmp_path / "a.glb")
+    atol = 1e-4 if quantize else 1e-7
+    np.testing.assert_allclose(made.positions[made.faces], mesh.positions[mesh.faces], atol=atol)
+    assert len(document(tmp_path / "a.glb")["scenes"][0]["nodes"]) == 3
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-30, 1e30])
+def test_only_maps_that_flatten_have_no_inverse(scale):
+    turn = rotation_matrices(np.array([[0.1, 0.2, 0.3, 0.9]]))[0]
+    matrix = np.eye(4)
+    matrix[:3, :3] = scale * turn * [1.0, 1e-3, 1e3]
+    np.testing.assert_allclose(inverse(matrix) @ matrix, np.eye(4), atol=1e-6)
+    matrix[:3, :3] = scale * np.diag([1.0, 0.0, 1.0]) @ turn
+    assert inverse(matrix) is None
+
+
+def edited(path, change):
+    """Write a GLB file again with its JSON changed."""
+    data, content = path.read_bytes(), document(path)
+    change(content)
+    (n_text,) = struct.unpack("<I", data[12:16])
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    rest = data[20 + n_text :]
+    head = struct.pack("<4sIIII", b"glTF", 2, 20 + len(text) + len(rest), len(text), 0x4E4F534A)
+    path.write_bytes(head + text + rest)
+
+
+def _animation(content):
+    return content["animations"][0]
+
+
+def _attributes(content):
+    return content["meshes"][0]["primitives"][0]["attributes"]
+
+
+DAMAGES = {
+    "joints outside the scene": lambda c: c["skins"][0].update(joints=[1, 99]),
+    "few matrices": lambda c: c["skins"][0].update(joints=[1, 2, 4]),
+    "joints beyond the skin": lambda c: c["skins"][0].update(joints=[1]),
+    "no skin": lambda c: c.update(skins=7),
+    "joints of another length": lambda c: _attributes(c).update(
+        JOINTS_0=c["meshes"][1]["primitives"][0]["attributes"]["POSITION"]
+    ),
+    "targets": lambda c: c["meshes"][0]["primitives"][0].update(targets="abc"),
+    "target of another length": lambda c: c["meshes"][0]["primitives"][0]["targets"][0].update(
+        POSITION=c["meshes"][1]["primitives"][0]["attributes"]["POSITION"]
+    ),
+    "path": lambda c: [
+        each["target"].update(path=[each["target"]["path"]]) for each in _animation(c)["channels"]
+    ],
+    "interpolation": lambda c: [
+        each.update(interpolation={"a": 1}) for each in _animation(c)["samplers"]
+    ],
+    "channels": lambda c: _animation(c).update(channels="abc"),
+    "samplers": lambda c: _animation(c).update(samplers=[]),
+    "lights": lambda c: c["extensions"]["KHR_lights_punctual"].update(lights=[{"type": "x"}]),
+    "light of a node": lambda c: c["nodes"][6].update(extensions={"KHR_lights_punctual": [7]}),
+    "camera": lambda c: c["cameras"][0].update(type="fisheye"),
+    "weights of a node": lambda c: c["nodes"][3].update(weights=[0.5, "a"]),
+    "weights of a mesh": lambda c: c["meshes"][0].update(weights="abc"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_what_is_damaged_is_left_out(path, tmp_path, damage):
+    before = read_mesh(path)
+    edited(path, DAMAGES[damage])
+    lines = []
+    with heard_warnings(lines.append):
+        transform_file(path, tmp_path / "b.glb")
+    is_silent = damage.startswith("weights") or damage in ("targets", "light of a node", "no skin")
+    assert is_silent or any("left out" in line for line in lines)
+    with heard_warnings(lambda line: pytest.fail(line)):
+        after, rig = read_mesh(tmp_path / "b.glb"), read_rig(tmp_path / "b.glb")
+    for name in ("body", "wheel"):  # one at the root of the scene comes last
+        here, there = (
+            m.positions[m.faces[m.face_groups == m.group_names.index(name)]]
+            for m in (before, after)
+        )
+        np.testing.assert_allclose(there, here, atol=1e-6)
+    assert all("weights" not in item.fields for item in rig.objects.values())
+
+
+def test_extensions_of_cameras_and_lights_are_left_out(path, tmp_path):
+    def change(content):
+        content["cameras"][0]["extensions"] = content["cameras"][0]["perspective"][
+            "extensions"
+        ] = {}
+        content["extensions"]["KHR_lights_punctual"]["lights"][0]["extensions"] = {}
+
+    edited(path, change)
+    transform_file(path, tmp_path / "b.glb")
+    text = json.dumps(document(tmp_path / "b.glb"))
+    assert text.count('"extensions"') == 2  # of the file and of the node of the light
+
+
+def test_an_animated_node_has_no_matrix(path, tmp_path):
+    def change(content):
+        content["nodes"][4]["matrix"] = np.eye(4).ravel().tolist()
+        del content["nodes"][4]["translation"]
+
+    edited(path, change)
+    transform_file(path, tmp_path / "b.glb")
+    assert "matrix" not in document(tmp_path / "b.glb")["nodes"][4]
+
+
+def test_joints_without_weight_and_their_order_do_not_split_vertices(tmp_path):
+    mesh, rig = character()
+    write_mesh(mesh, tmp_path / "a.glb", rig=rig)
+    data, content = bytearray((tmp_path / "a.glb").read_bytes()), document(tmp_path / "a.glb")
+    attributes, start = _attributes(content), 28 + struct.unpack("<I", bytes(data[12:16]))[0]
+    views = [content["bufferViews"][content["accessors"][attributes[name]]["bufferView"]]
+             for name in ("JOINTS_0", "WEIGHTS_0")]  # fmt: skip
+    n = content["accessors"][attributes["JOINTS_0"]]["count"]
+    joints, weights = (
+        np.frombuffer(data, dtype, 4 * n, start + view["byteOffset"]).reshape(n, 4)
+        for dtype, view in zip((np.uint8, np.float32), views, strict=True)
+    )
+    before = read_mesh(tmp_path / "a.glb").n_vertices
+    joints[::2], weights[::2] = joints[::2, ::-1].copy(), weights[::2, ::-1].copy()
+    joints[(weights == 0.0) & (np.arange(n) % 3 == 0)[:, None]] = 1
+    (tmp_path / "a.glb").write_bytes(data)
+    assert read_mesh(tmp_path / "a.glb").n_vertices == before
 
 
 def test_quantized_positions_leave_moving_parts_as_they_are(tmp_path):

@@ -223,12 +223,14 @@ def join_parts(
     matrices: FloatArray | None = None,
     *,
     groups: Sequence[tuple[str, int]] | None = None,
+    objects: Sequence[int] | None = None,
 ) -> Mesh:
     """Put the parts of a file into one mesh, each moved by its matrix, of (n, 4, 4).
 
     If only some parts have texture coordinates or normals, the others get zeros, and if only some
     have colors, the others are white; tangents are kept if all have them. Each part keeps its
-    groups and is an object of its own, unless `groups` has a name and an object for each part.
+    groups and is an object of its own, unless `groups` has a name and an object for each part, or
+    `objects` the first object of each.
     """
     fields: dict[str, Any] = {
         "positions": np.concatenate([part.positions for part in parts]),
@@ -266,7 +268,7 @@ def join_parts(
         if matrices is not None:
             _place(fields, parts, matrices)
     return Mesh(
-        **_joined_groups(parts, groups),
+        **_joined_groups(parts, groups, objects),
         name=name,
         **fields,
     )
@@ -299,7 +301,9 @@ def _joined_deformation(parts: Sequence[Part], matrices: FloatArray | None) -> D
 
 
 def _joined_groups(
-    parts: Sequence[Part], groups: Sequence[tuple[str, int]] | None
+    parts: Sequence[Part],
+    groups: Sequence[tuple[str, int]] | None,
+    numbers: Sequence[int] | None,
 ) -> dict[str, Any]:
     """Fields of `Mesh` for groups and polygons; a mesh is one object unless it has several."""
     polygon_of = None
@@ -312,8 +316,9 @@ def _joined_groups(
         if any(mesh.polygon_of is not None for mesh in meshes):
             polygon_of = offset_joined([(mesh.polygon_numbers, mesh.n_polygons) for mesh in meshes])
         names, objects, n_objects = [], [], 0
-        for mesh in meshes:
+        for i, mesh in enumerate(meshes):
             names += mesh.group_names
+            n_objects = n_objects if numbers is None else numbers[i]
             own = mesh.group_objects or (0,) * len(mesh.group_names)
             objects += [n_objects + number for number in own]
             n_objects += max(own, default=0) + 1
@@ -323,7 +328,7 @@ def _joined_groups(
     return {
         "face_groups": face_groups,
         "group_names": tuple(names),
-        "group_objects": tuple(objects) if len(set(objects)) > 1 else (),
+        "group_objects": tuple(objects) if set(objects) - {0} else (),
         "polygon_of": polygon_of,
     }
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.deformation import Deformation
-from texbake.mesh.files.gltf import rotation_matrices
+from texbake.mesh.files.node_matrices import inverse_or_identity, node_matrix
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.rig import Rig
 
@@ -93,7 +93,7 @@ class _Poser:
             self._order.append((node, parent))
             pending += [(child, node) for child in rig.nodes[node].get("children", ())]
         rest = self._world({})
-        self._to_nodes = {node: _inverse(matrix) for node, matrix in rest.items()}
+        self._to_nodes = {node: inverse_or_identity(matrix) for node, matrix in rest.items()}
         # Back to the place where a skinned object is stored, by its first joint.
         self._back: dict[int, FloatArray] = {}
         stored = {rig.nodes[item.node].get("skin"): item.matrix for item in rig.objects.values()}
@@ -104,8 +104,8 @@ class _Poser:
             for row, joint in enumerate(joints):
                 bind = np.eye(4) if binds is None else binds[row].reshape(4, 4).T.astype(float)
                 if row == 0:
-                    back = pm.matmul(matrix, _inverse(pm.matmul(rest[joint], bind)))
-                self._to_nodes[joint] = pm.matmul(bind, _inverse(matrix))
+                    back = pm.matmul(matrix, inverse_or_identity(pm.matmul(rest[joint], bind)))
+                self._to_nodes[joint] = pm.matmul(bind, inverse_or_identity(matrix))
                 self._back[joint] = back
 
     def pose(self, values: Values) -> FloatArray:
@@ -141,26 +141,8 @@ class _Poser:
             }
             if changed:
                 found = {key: value for key, value in found.items() if key != "matrix"} | changed
-            matrix = _local(found)
+            matrix = node_matrix(found)
             if (node, "turn") in values:
-                matrix = pm.matmul(matrix, _local({"rotation": values[node, "turn"]}))
+                matrix = pm.matmul(matrix, node_matrix({"rotation": values[node, "turn"]}))
             world[node] = pm.matmul(world[parent], matrix)
         return world
-
-
-def _local(node: Mapping[str, Any]) -> FloatArray:
-    """(4, 4) matrix of a node in its parent."""
-    if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    matrix = np.eye(4)
-    rotation = np.array([node.get("rotation", (0.0, 0.0, 0.0, 1.0))], np.float64)
-    matrix[:3, :3] = rotation_matrices(rotation)[0] * np.array(node.get("scale", (1.0, 1.0, 1.0)))
-    matrix[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return matrix
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    """Inverse of a matrix; without one, something that moves nothing."""
-    with np.errstate(all="ignore"):
-        is_sound = abs(pm.det(matrix)) > 1e-30
-        return np.asarray(pm.inv(matrix)) if is_sound else np.eye(4)

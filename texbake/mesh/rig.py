@@ -31,6 +31,7 @@ class RigObject:
     matrix: FloatArray  # (4, 4) float64; of the mesh of the node to the positions of `Mesh`
     fields: Mapping[str, Any] = field(default_factory=dict)  # glTF's fields of its mesh
     n_morphs: int = 0
+    ignores_node: bool = False  # its node does not move it, because a skin does or did
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,7 +39,7 @@ class Rig:
     """The nodes of a file and what refers to them.
 
     `content` has glTF's lists `nodes` (without meshes), `scenes`, `skins`, `animations` and
-    `cameras`, and the extensions of lights and variants. Its accessors are numbers of `arrays`.
+    `cameras`, and the extension of lights. Its accessors are numbers of `arrays`.
     """
 
     content: Mapping[str, Any]

@@ -34,6 +34,7 @@ from texbake.mesh.files.fbx_scene import (
     ModelInstance,
     model_geometry,
     model_instances,
+    model_objects,
     read_scene,
 )
 from texbake.mesh.files.source import decode_name
@@ -61,7 +62,8 @@ def read_fbx(path: PathLike) -> Mesh:
     warn_of_fbx(scene, models)
     motions = FbxMotions(scene)
     meshes = [part.mesh(path, motions) for part in parts]
-    return join_parts(meshes, Path(path).name, np.array([part.matrix for part in parts]))
+    matrices, numbers = np.array([part.matrix for part in parts]), [part.number for part in parts]
+    return join_parts(meshes, Path(path).name, matrices, objects=numbers)
 
 
 def _why_empty(scene: FbxScene) -> str:
@@ -83,6 +85,7 @@ def _why_empty(scene: FbxScene) -> str:
 class FbxPart:
     """Geometry that a model shows: where, and with which materials."""
 
+    number: int  # of its object
     model: FbxObject
     source: FbxObject  # which holds the geometry
     matrix: FloatArray
@@ -120,23 +123,22 @@ def read_parts(scene: FbxScene, models: Iterable[ModelInstance]) -> Iterator[Fbx
     triangles = most_triangles(_LEAST_TRIANGLES)
     most = max(3 * triangles, _CORNERS_PER_BYTE * scene.n_bytes)
     uv_names = {uv_set_name(item) for item in scene.objects.values() if item.node.name == "Texture"}
-    for placed in models:
+    for number, (placed, item) in enumerate(model_objects(scene, models)):
+        if item.key not in read:
+            name = item.name or placed.model.name
+            read[item.key] = _GeometryReader(scene.path, name, item.node).read(uv_names)
+        geometry = read[item.key]
+        if geometry is None:
+            continue
+        fields = geometry.fields
+        most -= max(fields["faces"].size, fields["positions"].size)
+        if most < 0:
+            raise FileFormatError(
+                f"{scene.path}: it repeats far more triangles than it holds; if you trust the "
+                f"file, read it with texbake --max-triangles {10 * triangles}"
+            )
         materials = scene.members_of(placed.model.key, "Material")
-        for item in model_geometry(scene, placed.model):
-            if item.key not in read:
-                name = item.name or placed.model.name
-                read[item.key] = _GeometryReader(scene.path, name, item.node).read(uv_names)
-            geometry = read[item.key]
-            if geometry is None:
-                continue
-            fields = geometry.fields
-            most -= max(fields["faces"].size, fields["positions"].size)
-            if most < 0:
-                raise FileFormatError(
-                    f"{scene.path}: it repeats far more triangles than it holds; if you trust the "
-                    f"file, read it with texbake --max-triangles {10 * triangles}"
-                )
-            yield FbxPart(placed.model, item, placed.matrix, geometry, materials)
+        yield FbxPart(number, placed.model, item, placed.matrix, geometry, materials)
 
 
 def uv_set_name(texture: FbxObject) -> str:

@@ -63,7 +63,8 @@ def read_curve(node: Node) -> Curve | None:
         data = data.astype(np.int64).astype(np.uint32).view(np.float32)
     slopes = data.astype(np.float64)[: len(data) // 4 * 4].reshape(-1, 4)[:, :2]
     m = min(len(counts), len(flags), len(slopes))
-    which = np.repeat(np.arange(m), counts[:m])[:n]
+    ends = np.minimum(np.cumsum(counts[:m]), n)  # files can count more keys than they have
+    which = np.repeat(np.arange(m), np.diff(ends, prepend=0))
     of_keys, of_slopes = np.full(n, _LINEAR), np.zeros((n, 2))
     of_keys[: len(which)] = flags[which]
     of_slopes[: len(which)] = np.nan_to_num(slopes[which], posinf=0.0, neginf=0.0)

@@ -30,12 +30,18 @@ from texbake.mesh.files.fbx_scene import (
     all_models,
     geometric,
     local_matrices,
-    model_geometry,
     model_instances,
+    model_objects,
     model_properties,
     read_scene,
     scene_axes,
     vectors,
+)
+from texbake.mesh.files.node_matrices import (
+    decomposed,
+    inverse,
+    node_fields,
+    node_matrix,
 )
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.mesh import FloatArray
@@ -203,12 +209,17 @@ class _RigMaker:
 
     def rig(self) -> Rig:
         """Return the whole."""
-        models, parents = self.motions.models, self.motions.parents
-        world = [np.eye(4), *(item.transform.matrix for item in models)]
+        models, parents = self.motions.models, list(self.motions.parents)
         nodes: list[dict[str, Any]] = [{"name": "axes", "matrix": self.axes.T.ravel().tolist()}]
+        self.world = [np.eye(4)]  # of the nodes, which have no shear; meshes get that instead
         for number, item in enumerate(models, start=1):
-            local = pm.matmul(_inverse(world[parents[number]]), world[number])
-            nodes.append({"name": item.model.name, **_fields(local)})
+            placed = item.transform.matrix
+            above = inverse(self.world[parents[number]])
+            if above is None and inverse(placed) is not None:
+                above, parents[number] = np.eye(4), 0  # its parent would flatten it
+            fields = node_fields(placed if above is None else pm.matmul(above, placed))
+            nodes.append({"name": item.model.name, **fields})
+            self.world.append(pm.matmul(self.world[parents[number]], node_matrix(fields)))
         for number, parent in enumerate(parents):
             if parent >= 0:
                 nodes[parent].setdefault("children", []).append(number)
@@ -232,34 +243,32 @@ class _RigMaker:
         self, nodes: list[dict[str, Any]], skins: list[dict[str, Any]]
     ) -> dict[int, RigObject]:
         objects: dict[int, RigObject] = {}
-        for item in model_instances(self.scene):
+        models = model_instances(self.scene)
+        for key, (item, geometry) in enumerate(model_objects(self.scene, models)):
             number = self.motions.numbers[item.model.key]
-            for geometry in model_geometry(self.scene, item.model):
-                if len(geometry.node.numbers("PolygonVertexIndex")) == 0:
-                    continue
-                clusters = self.motions.clusters(geometry)
-                matrix = pm.matmul(self.axes, item.transform.matrix)
-                if clusters:
-                    matrix = item.matrix
-                    nodes[number]["skin"] = len(skins)
-                    local = geometric(model_properties(self.scene, item.model))
-                    binds = {joint: _bind(cluster, local) for joint, cluster in clusters[::-1]}
-                    _, weights = self.motions.bindings(geometry, _n_vertices(geometry))
-                    if not weights.any(axis=1).all():
-                        binds.setdefault(number, local)
-                    skins.append(self._skin(binds))
-                shapes = self.motions.shapes(geometry)
-                fields: dict[str, Any] = {"name": geometry.name or item.model.name}
-                if shapes:
-                    fields["weights"] = [weight for _, weight, _, _ in shapes]
-                    fields["extras"] = {"targetNames": [name for name, _, _, _ in shapes]}
-                for place, (_, _, _, channel) in enumerate(shapes):
-                    if channel is not None:
-                        self.targets.setdefault(channel, []).append((number, place))
-                self.n_morphs[number] = len(shapes)
-                objects[len(objects)] = RigObject(
-                    node=number, matrix=matrix, fields=fields, n_morphs=len(shapes)
-                )
+            clusters = self.motions.clusters(geometry)
+            matrix = pm.matmul(self.axes, self.world[number])
+            if clusters:
+                matrix = item.matrix
+                nodes[number]["skin"] = len(skins)
+                local = geometric(model_properties(self.scene, item.model))
+                binds = {joint: _bind(cluster, local) for joint, cluster in clusters[::-1]}
+                _, weights = self.motions.bindings(geometry, _n_vertices(geometry))
+                if not weights.any(axis=1).all():
+                    binds.setdefault(number, local)
+                skins.append(self._skin(binds))
+            shapes = self.motions.shapes(geometry)
+            fields: dict[str, Any] = {"name": geometry.name or item.model.name}
+            if shapes:
+                fields["weights"] = [weight for _, weight, _, _ in shapes]
+                fields["extras"] = {"targetNames": [name for name, _, _, _ in shapes]}
+            for place, (_, _, _, channel) in enumerate(shapes):
+                if channel is not None:
+                    self.targets.setdefault(channel, []).append((number, place))
+            self.n_morphs[number] = len(shapes)
+            objects[key] = RigObject(
+                node=number, matrix=matrix, fields=fields, n_morphs=len(shapes)
+            )
         return objects
 
     def _skin(self, binds: dict[int, FloatArray]) -> dict[str, Any]:
@@ -349,46 +358,6 @@ def _sampled(axes: dict[int, Curve], times: FloatArray, default: FloatArray) -> 
     for axis, curve in axes.items():
         rows[:, axis] = curve.at(times)
     return rows
-
-
-def decomposed(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Translations, rotations as quaternions that turn little by little, and scales."""
-    linear = matrices[:, :3, :3]
-    scales = np.sqrt((linear * linear).sum(axis=1))
-    scales[pm.det(linear) < 0.0, 0] *= -1.0
-    units = np.divide(linear, scales[:, None], out=np.tile(np.eye(3), (len(linear), 1, 1)),
-                      where=scales[:, None] != 0.0)  # fmt: skip
-    trace = units[:, 0, 0] + units[:, 1, 1] + units[:, 2, 2]
-    table = np.empty((len(units), 4, 4))  # each row a multiple of the quaternion
-    m = units
-    table[:, 3, 3] = 1.0 + trace
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        table[:, i, i] = 1.0 + 2.0 * m[:, i, i] - trace
-        table[:, i, j] = table[:, j, i] = m[:, i, j] + m[:, j, i]
-        table[:, i, 3] = table[:, 3, i] = m[:, k, j] - m[:, j, k]
-    best = np.argmax(table[:, range(4), range(4)], axis=1)
-    rows = table[np.arange(len(table)), best]
-    rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
-    signs = np.sign((rows[1:] * rows[:-1]).sum(axis=1))
-    rows[1:] *= np.cumprod(np.where(signs < 0.0, -1.0, 1.0))[:, None]
-    return matrices[:, :3, 3], rows, scales
-
-
-def _fields(matrix: FloatArray) -> dict[str, Any]:
-    """Fields of a node with a matrix: translation, rotation and scale, if there are such."""
-    translation, rotation, scale = (rows[0] for rows in decomposed(matrix[None]))
-    return {
-        "translation": translation.tolist(),
-        "rotation": rotation.tolist(),
-        "scale": scale.tolist(),
-    }
-
-
-def _inverse(matrix: FloatArray) -> FloatArray:
-    with np.errstate(all="ignore"):
-        is_sound = abs(pm.det(matrix[:3, :3])) > 1e-30
-        return np.asarray(pm.inv(matrix), np.float64) if is_sound else np.eye(4)
 
 
 def _are_numbers(values: list[Any]) -> bool:

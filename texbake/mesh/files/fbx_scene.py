@@ -17,7 +17,7 @@ Based on: Autodesk, "FBX SDK", sample Transformations, 2020, for the ways to inh
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import Any
@@ -246,6 +246,13 @@ def model_geometry(scene: FbxScene, model: FbxObject) -> list[FbxObject]:
     if has_polygons(model):
         return [model]
     return list(filter(has_polygons, dict.fromkeys(scene.members_of(model.key, "Geometry"))))
+
+
+def model_objects(
+    scene: FbxScene, models: Iterable[ModelInstance]
+) -> list[tuple[ModelInstance, FbxObject]]:
+    """Models with the geometries that they show: the objects of the mesh, by their numbers."""
+    return [(model, item) for model in models for item in model_geometry(scene, model.model)]
 
 
 def has_polygons(item: FbxObject) -> bool:

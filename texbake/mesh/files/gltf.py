@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileFormatError, MeshError, quoted
+from texbake.errors import FileFormatError, MeshError, quoted, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
 from texbake.mesh.compose import MeshPart, join_parts
-from texbake.mesh.deformation import Deformation
+from texbake.mesh.deformation import Deformation, largest_weights
 from texbake.mesh.files.conversion import check_corner_count
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import (
@@ -40,6 +40,7 @@ from texbake.mesh.files.gltf_primitives import (
     read_primitives,
     triangle_count,
 )
+from texbake.mesh.files.node_matrices import rotation_matrices
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh, require_few_sets
 from texbake.mesh.rig import moving_ancestors
@@ -118,13 +119,7 @@ class _NodeMotions:
         self.placed, document = placed, placed.document
         self._places = {index: place for place, index in enumerate(placed.indices)}
         self._skins: dict[int, IntArray] = {}
-        moving = {
-            self._places.get(int(node), -1)
-            for animation in document.items("animations")
-            for channel in document.objects(animation, "channels")
-            if (target := document.mapping(channel, "target")).get("path") in _MOVES
-            and isinstance(node := target.get("node"), int)
-        }
+        moving = {self._places.get(node, -1) for node in moving_nodes(document)}
         nodes = [i for i, node in enumerate(placed.nodes) if "mesh" in node] if moving else []
         self._movers = moving_ancestors(nodes, placed.parents.tolist(), moving)
 
@@ -136,9 +131,15 @@ class _NodeMotions:
         if "skin" in node:
             table = self._joints(node["skin"])
             if given is not None and given.is_bound and table is not None:
-                if given.joints.min() < 0 or given.joints.max() >= len(table):
-                    self.placed.document.fail("a vertex has a joint that its skin has not")
-                joints, weights = table[given.joints], given.weights
+                joints, weights = given.joints, given.weights
+                is_outside = (joints < 0) | (joints >= len(table))
+                if is_outside.any():
+                    line = f"left out joints of vertices: the skin has only {len(table)}"
+                    warn_of(self.placed.document.path, line)
+                    joints = np.where(is_outside, 0, joints)
+                    weights = np.where(is_outside, 0.0, weights)
+                    joints, weights = largest_weights(joints, weights, joints.shape[1])
+                joints = table[joints]
         elif place in self._movers:
             joints, weights = joints + np.int32(self._movers[place]), weights + 1.0
         if not morphs and not weights.any():
@@ -148,15 +149,29 @@ class _NodeMotions:
     def _joints(self, index: Any) -> IntArray | None:
         """(n,) int32: nodes of the joints of a skin; None if one is not in the scene."""
         document = self.placed.document
-        skins = document.items("skins")
-        if type(index) is not int or not 0 <= index < len(skins):
+        if type(index) is not int:
             return None
         if index not in self._skins:
-            joints = indices(document, skins[index], "joints")
-            places = [self._places.get(joint, -1) for joint in joints]
+            places: list[int] = []
+            with suppress(FileFormatError):  # the rig warns of it
+                joints = indices(document, document.item("skins", index), "joints")
+                places = [self._places.get(joint, -1) for joint in joints]
             self._skins[index] = np.array(places, np.int32)
         table = self._skins[index]
         return table if len(table) and table.min() >= 0 else None
+
+
+def moving_nodes(document: Document) -> set[int]:
+    """Nodes that animations move, by their places in the file; damaged animations move none."""
+    found: set[int] = set()
+    animations = document.content.get("animations")
+    for animation in animations if isinstance(animations, list) else ():
+        with suppress(FileFormatError, AttributeError):
+            for channel in document.objects(animation, "channels"):
+                target = document.mapping(channel, "target")
+                if target.get("path") in _MOVES and type(target.get("node")) is int:
+                    found.add(target["node"])
+    return found
 
 
 def _array_key(document: Document, primitive: dict[str, Any]) -> Any:
@@ -334,17 +349,3 @@ def _rows(
     for i in places:  # the first that is wrong is named
         document.numbers(nodes[i], key, width)
     return places, np.array(values, np.float64).reshape(-1, width)
-
-
-def rotation_matrices(quaternions: FloatArray) -> FloatArray:
-    """(n, 3, 3) matrices of quaternions; one of length 0 turns nothing."""
-    lengths = np.sqrt(pm.matmul(quaternions[:, None], quaternions[:, :, None]))[:, :, 0]
-    units = np.tile([0.0, 0.0, 0.0, 1.0], (len(quaternions), 1))
-    np.divide(quaternions, lengths, out=units, where=lengths > 0.0)
-    x, y, z, w = units.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).reshape(3, 3, -1).transpose(2, 0, 1)

@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.child import LIMITS
-from texbake.errors import MeshError, quoted, require_library, warn_of
+from texbake.errors import FileFormatError, MeshError, quoted, require_library, warn_of
 from texbake.mesh.compose import MeshPart
 from texbake.mesh.deformation import Deformation, Morph, largest_weights
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, UvSet, require_few_sets
+from texbake.mesh.mesh import FloatArray, IntArray, UvSet, require_few_sets
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
@@ -105,47 +105,60 @@ def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | Non
 
 
 def _motions(source: _PrimitiveSource, n: int) -> dict[str, npt.NDArray[Any]]:
-    """Arrays of joints, weights and morph targets, `TARGET_0` and so on, of n vertices."""
-    arrays = {}
-    for name in filter(_BINDING.fullmatch, source.accessors):
-        kind, _, number = name.partition("_")
-        if f"{'WEIGHTS' if kind == 'JOINTS' else 'JOINTS'}_{number}" in source.accessors:
-            arrays[name] = source.read(name, (4,), n)
-    for i, accessor in enumerate(source.targets):
-        name = f"TARGET_{i}"
-        arrays[name] = np.zeros((n, 3))
-        if accessor is not None:
-            moved = source.document.accessor(accessor)
-            if moved.shape != (n, 3):
-                source.document.fail(f"a morph target is not {n} displacements")
-            arrays[name] = moved
+    """Arrays of joints, weights and morph targets, `TARGET_0` and so on, of n vertices.
+
+    Those that are damaged are left out with a warning; in place of a target there are zeros.
+    """
+    arrays: dict[str, npt.NDArray[Any]] = {}
+    bindings = set(filter(_BINDING.fullmatch, source.accessors))
+    try:
+        for number in sorted(name[7:] for name in bindings if name.startswith("JOINTS_")):
+            names = f"JOINTS_{number}", f"WEIGHTS_{number}"
+            if bindings.issuperset(names):
+                arrays |= {name: source.read(name, (4,), n) for name in names}
+    except FileFormatError as error:
+        arrays = {}
+        _warn_left_out(source.document, "joints of vertices", error)
+    for i, target in enumerate(source.targets):
+        arrays[f"TARGET_{i}"] = np.zeros((n, 3))
+        try:
+            if "POSITION" in target:
+                moved = source.document.accessor(target["POSITION"])
+                if moved.shape != (n, 3):
+                    source.document.fail(f"it has {len(moved)} rows, where there are {n} positions")
+                arrays[f"TARGET_{i}"] = moved
+        except FileFormatError as error:
+            _warn_left_out(source.document, f"morph target {i}", error)
     return arrays
 
 
-def _deformation(values: dict[str, npt.NDArray[Any]], kept: BoolArray) -> Deformation | None:
-    """What moves the kept vertices; joints by their places in a skin."""
+def _warn_left_out(document: Document, what: str, error: FileFormatError) -> None:
+    warn_of(document.path, f"left out {what}: {str(error).removeprefix(f'{document.path}: ')}")
+
+
+def _deformation(values: dict[str, npt.NDArray[Any]]) -> Deformation | None:
+    """What moves vertices; joints by their places in a skin."""
     columns = {
-        kind: [rows[kept] for name, rows in sorted(values.items()) if name.startswith(f"{kind}_")]
+        kind: [rows for name, rows in sorted(values.items()) if name.startswith(f"{kind}_")]
         for kind in _MOTIONS
     }
     if not any(columns.values()):
         return None
-    n = int(np.count_nonzero(kept))
+    n = len(values["POSITION"])
     joints = np.concatenate([np.zeros((n, 0)), *columns["JOINTS"]], axis=1).astype(np.int32)
     weights = np.concatenate([np.zeros((n, 0)), *columns["WEIGHTS"]], axis=1)
     joints, weights = largest_weights(joints, np.maximum(weights, 0.0), joints.shape[1])
     numbers = sorted(int(name[7:]) for name in values if name.startswith("TARGET_"))
-    morphs = (Morph.of_rows(values[f"TARGET_{number}"][kept]) for number in numbers)
+    morphs = (Morph.of_rows(values[f"TARGET_{number}"]) for number in numbers)
     return Deformation(joints, weights, tuple(morphs))
 
 
-def _motions_of_parts(
-    values: dict[str, npt.NDArray[Any]], kept: BoolArray, bounds: IntArray
+def _cut(
+    motion: Deformation | None, kept: npt.NDArray[np.intp], bounds: IntArray
 ) -> list[Deformation | None]:
     """What moves the kept vertices of each part of a batch."""
-    motion = _deformation(values, kept)
     parts = pairwise(bounds.tolist())
-    return [motion and motion.of(np.arange(start, stop)) for start, stop in parts]
+    return [motion and motion.of(kept[start:stop]) for start, stop in parts]
 
 
 def _weld(
@@ -170,7 +183,9 @@ def _weld(
     keys = [values["POSITION"]]
     if keeps_colors and "COLOR_0" in values:
         keys.append(values["COLOR_0"])
-    keys += [rows for name, rows in values.items() if name.partition("_")[0] in _MOTIONS]
+    motion = _deformation(values)
+    if motion is not None:
+        keys.append(motion.rows(np.arange(len(motion))))
     if len(batch) > 1:  # vertices of different primitives stay apart
         keys.append(np.repeat(np.arange(len(batch), dtype=np.float64), np.diff(bounds))[:, None])
     firsts = weld_rows(np.concatenate(keys, axis=1) if len(keys) > 1 else keys[0])
@@ -178,30 +193,24 @@ def _weld(
     before = np.append(np.int32(0), np.cumsum(is_kept, dtype=np.int32))
     kept_bounds = before[bounds]
     faces = before[firsts][joined] - np.repeat(kept_bounds[:-1], n_faces)[:, None]
-
-    def pieces(rows: npt.NDArray[Any] | None, bounds: IntArray) -> list[Any]:
-        if rows is None:
-            return [None] * len(batch)
-        return [rows[start:stop] for start, stop in pairwise(bounds.tolist())]
-
     colors, tangents = values.get("COLOR_0"), values.get("TANGENT")
     if tangents is not None and not np.isfinite(tangents).all():
         warn_of(document.path, "some tangents are not finite; computed ones replace all of them")
         tangents = None
     columns = {
-        "positions": pieces(values["POSITION"][is_kept], kept_bounds),
-        "faces": pieces(faces, _bounds(n_faces)),
-        "corners": pieces(corners, _bounds(n_faces)),
-        "uvs": pieces(flip_v(values.get(f"{_UVS}_{request.uv_set}")), bounds),
-        "normals": pieces(values.get("NORMAL"), bounds),
-        "tangents": pieces(tangents, bounds),
-        "colors": pieces(
+        "positions": _pieces(values["POSITION"][is_kept], kept_bounds),
+        "faces": _pieces(faces, _bounds(n_faces)),
+        "corners": _pieces(corners, _bounds(n_faces)),
+        "uvs": _pieces(flip_v(values.get(f"{_UVS}_{request.uv_set}")), bounds),
+        "normals": _pieces(values.get("NORMAL"), bounds),
+        "tangents": _pieces(tangents, bounds),
+        "colors": _pieces(
             None if colors is None else colors[is_kept].astype(np.float32), kept_bounds
         ),
     }
     names = [f"{_UVS}_{number}" for number in request.further]
-    motions = _motions_of_parts(values, is_kept, kept_bounds)
-    further = {name: pieces(flip_v(values[name]), bounds) for name in names if name in values}
+    motions = _cut(motion, np.flatnonzero(is_kept), kept_bounds)
+    further = {name: _pieces(flip_v(values[name]), bounds) for name in names if name in values}
     return [
         MeshPart(
             **{name: parts[i] for name, parts in columns.items()},
@@ -212,6 +221,13 @@ def _weld(
     ]
 
 
+def _pieces(rows: npt.NDArray[Any] | None, bounds: IntArray) -> list[Any]:
+    """Rows of each run between bounds; None for each where there are none."""
+    if rows is None:
+        return [None] * (len(bounds) - 1)
+    return [rows[start:stop] for start, stop in pairwise(bounds.tolist())]
+
+
 def _bounds(counts: list[int]) -> IntArray:
     """(n + 1,) where each of some runs of rows begins, and where the last ends."""
     return np.cumsum([0, *counts], dtype=np.int32)
@@ -220,7 +236,14 @@ def _bounds(counts: list[int]) -> IntArray:
 def motion_count(document: Document, primitive: dict[str, Any]) -> int:
     """Number of arrays of joints and morph targets of a primitive."""
     bindings = filter(_BINDING.fullmatch, document.mapping(primitive, "attributes"))
-    return len(list(bindings)) + len(document.objects(primitive, "targets"))
+    return len(list(bindings)) + len(morph_targets(primitive))
+
+
+def morph_targets(primitive: dict[str, Any]) -> list[dict[str, Any]]:
+    """Morph targets of a primitive; none where its list is damaged."""
+    targets = primitive.get("targets")
+    is_sound = isinstance(targets, list) and all(isinstance(each, dict) for each in targets)
+    return targets if is_sound else []  # type: ignore[return-value]
 
 
 def triangle_count(document: Document, primitive: dict[str, Any]) -> int:
@@ -264,7 +287,7 @@ class _PrimitiveSource:
     document: Document
     accessors: dict[str, Any]  # accessor of each
     decoded: dict[str, npt.NDArray[Any]]  # those that a compressed primitive holds in their place
-    targets: list[Any]  # accessors of the positions of morph targets; None for one without
+    targets: list[dict[str, Any]]  # morph targets
 
     def read(self, name: str, widths: tuple[int, ...], count: int | None) -> npt.NDArray[Any]:
         """(count, width) values of an attribute."""
@@ -301,7 +324,7 @@ def _primitive_source(
     document: Document, primitive: dict[str, Any], attributes: dict[str, Any]
 ) -> _PrimitiveSource:
     accessors = dict(attributes)
-    targets = [item.get("POSITION") for item in document.objects(primitive, "targets")]
+    targets = morph_targets(primitive)
     if INDICES in primitive:
         accessors[INDICES] = primitive[INDICES]
     draco = document.mapping(document.mapping(primitive, "extensions"), DRACO)

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import FileFormatError, counted, warn_of
+from texbake.errors import FileFormatError, counted, quoted, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import as_text
-from texbake.mesh.files.gltf import SceneNodes, indices, scene_nodes
+from texbake.mesh.files.gltf import SceneNodes, indices, moving_nodes, scene_nodes
 from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_primitives import morph_targets
+from texbake.mesh.files.node_matrices import node_fields, node_matrix
 from texbake.mesh.files.source import without_cycle_search
 from texbake.mesh.rig import Rig, RigObject
 
@@ -25,6 +27,12 @@ LIGHTS = "KHR_lights_punctual"
 _VISIBILITY = "KHR_node_visibility"
 _PLACES = {"translation": 3, "rotation": 4, "scale": 3}
 _INTERPOLATIONS = {"LINEAR": 1, "STEP": 1, "CUBICSPLINE": 3}
+_CAMERAS = ("perspective", "orthographic")
+_LIGHT_TYPES = ("directional", "point", "spot")
+_ROUNDING = 1e-6  # of a matrix that is put together again; files may have float32
+# Accessors can share bytes, and nodes a mesh: bytes of arrays by those of the file or at least some
+# many, and bytes of extras of meshes that nodes repeat.
+_BYTES_PER_BYTE, _LEAST_BYTES, _MOST_EXTRAS = 8, 1 << 26, 1 << 24
 
 
 def read_gltf_rig(path: PathLike) -> Rig:
@@ -39,18 +47,23 @@ class _RigReader:
         self.document, self.placed = document, placed
         self.numbers = {index: place for place, index in enumerate(placed.indices)}
         self.arrays: dict[int, npt.NDArray[np.float32]] = {}
-        self.damaged: dict[str, int] = {}
+        self.n_bytes = 0  # of those
+        self.meshes: dict[int, tuple[dict[str, Any], int]] = {}  # fields and targets of each
+        self.n_extras = 0
+        self.moving = moving_nodes(document)
 
     def read(self) -> Rig:
         """Return the whole."""
         document, placed = self.document, self.placed
-        skins, skin_numbers = self._all("skins", self._skin)
-        cameras, camera_numbers = self._all("cameras", self._camera)
-        lights = document.mapping(document.mapping(document.content, "extensions"), LIGHTS)
-        light_items = [sound_json(light) or {} for light in document.objects(lights, "lights")]
+        matrices = placed.mesh_matrices(placed.matrices())
+        skins, skin_numbers = self._all("skin", document.content.get("skins"), self._skin)
+        cameras, camera_numbers = self._all("camera", document.content.get("cameras"), self._camera)
+        lists = _mapping(_mapping(document.content, "extensions"), LIGHTS).get("lights")
+        lights, light_numbers = self._all("light", lists, self._light)
+        numbers = {"skin": skin_numbers, "camera": camera_numbers, "light": light_numbers}
         nodes = [
-            self._node(node, skin_numbers, camera_numbers, len(light_items))
-            for node in placed.nodes
+            self._node(index, node, numbers)
+            for index, node in zip(placed.indices, placed.nodes, strict=True)
         ]
         for place, parent in enumerate(placed.parents.tolist()):
             if parent >= 0:
@@ -59,21 +72,21 @@ class _RigReader:
             "nodes": nodes,
             "scenes": [{"nodes": np.flatnonzero(placed.parents < 0).tolist()}],
         }
-        matrices = placed.mesh_matrices(placed.matrices())
         objects = {
-            place: self._object(place, node["mesh"], matrices[place])
+            place: self._object(place, node, nodes[place], matrices[place])
             for place, node in enumerate(placed.nodes)
             if "mesh" in node
         }
+        if self.n_extras > _MOST_EXTRAS:
+            line = "left out extras of meshes that nodes repeat; remove them to keep the others"
+            warn_of(document.path, line)
+        self.nodes = nodes
         self.n_morphs = {place: item.n_morphs for place, item in objects.items()}
-        animations, _ = self._all("animations", self._animation)
-        lists = {"skins": skins, "cameras": cameras, "animations": animations}
-        content |= {kind: items for kind, items in lists.items() if items}
-        if light_items:
-            content["extensions"] = {LIGHTS: {"lights": light_items}}
-        for noun, n in self.damaged.items():
-            move = " that move nothing or are damaged" if noun == "animation" else ", damaged"
-            warn_of(document.path, f"left out {counted(n, noun)}{move}")
+        animations, _ = self._all("animation", document.content.get("animations"), self._animation)
+        found = {"skins": skins, "cameras": cameras, "animations": animations}
+        content |= {kind: items for kind, items in found.items() if items}
+        if lights:
+            content["extensions"] = {LIGHTS: {"lights": lights}}
         return Rig(
             content=content,
             arrays=self.arrays,
@@ -82,88 +95,127 @@ class _RigReader:
         )
 
     def _all(
-        self, kind: str, read: Callable[[dict[str, Any]], dict[str, Any]]
+        self, noun: str, items: Any, read: Callable[[dict[str, Any]], dict[str, Any]]
     ) -> tuple[list[dict[str, Any]], dict[int, int]]:
-        """Read all items of a kind that are sound, and the new numbers of those."""
+        """Read all items of a list that are sound, and the new numbers of those."""
         found: list[dict[str, Any]] = []
         numbers: dict[int, int] = {}
-        for index, item in enumerate(self.document.items(kind)):
+        reasons: list[str] = []
+        for index, item in enumerate(items if isinstance(items, list) else ()):
             try:
+                if not isinstance(item, dict):
+                    self.document.fail("it is not an object")
                 made = read(item)
-            except FileFormatError:
-                self.damaged[kind[:-1]] = self.damaged.get(kind[:-1], 0) + 1
+            except FileFormatError as error:
+                why = str(error).removeprefix(f"{self.document.path}: ")
+                reasons.append(f"{noun} {index}: {why}")
                 continue
             numbers[index] = len(found)
             found.append({**_named(item), **made})
+        if reasons:
+            warn_of(self.document.path, f"left out {counted(len(reasons), noun)}: {reasons[0]}")
         return found, numbers
 
     def _node(
-        self,
-        node: dict[str, Any],
-        skins: Mapping[int, int],
-        cameras: Mapping[int, int],
-        n_lights: int,
+        self, index: int, node: dict[str, Any], numbers: Mapping[str, Mapping[int, int]]
     ) -> dict[str, Any]:
         made = _named(node)
-        for key in ("matrix", *_PLACES):
-            if node.get(key) is not None:
-                made[key] = node[key]
-        if "matrix" in made:
-            made = {key: value for key, value in made.items() if key not in _PLACES}
-        for key, numbers in (("skin", skins), ("camera", cameras)):
-            if type(node.get(key)) is int and node[key] in numbers:
-                made[key] = numbers[node[key]]
-        if "mesh" in node and "weights" in node:
-            made["weights"] = sound_json(node["weights"])
-        extensions = self.document.mapping(node, "extensions")
-        kept = {}
-        light = self.document.mapping(extensions, LIGHTS).get("light")
-        if type(light) is int and 0 <= light < n_lights:
-            kept[LIGHTS] = {"light": light}
-        if (visibility := sound_json(extensions.get(_VISIBILITY))) is not None:
-            kept[_VISIBILITY] = visibility
+        if node.get("matrix") is not None:
+            made["matrix"] = node["matrix"]
+            if index in self.moving:  # the node of a channel has no matrix
+                matrix = node_matrix(made)
+                fields = node_fields(matrix)
+                if np.abs(node_matrix(fields) - matrix).max() <= _ROUNDING * np.abs(matrix).max():
+                    del made["matrix"]
+                    made |= fields
+        else:
+            made |= {key: node[key] for key in _PLACES if node.get(key) is not None}
+        for key in ("skin", "camera"):
+            if type(node.get(key)) is int and node[key] in numbers[key]:
+                made[key] = numbers[key][node[key]]
+        extensions = _mapping(node, "extensions")
+        kept: dict[str, Any] = {}
+        light = _mapping(extensions, LIGHTS).get("light")
+        if type(light) is int and light in numbers["light"]:
+            kept[LIGHTS] = {"light": numbers["light"][light]}
+        visible = _mapping(extensions, _VISIBILITY).get("visible")
+        if type(visible) is bool:
+            kept[_VISIBILITY] = {"visible": visible}
         if kept:
             made["extensions"] = kept
         return made
 
-    def _object(self, place: int, index: int, matrix: npt.NDArray[np.float64]) -> RigObject:
+    def _object(
+        self,
+        place: int,
+        node: dict[str, Any],
+        made: dict[str, Any],
+        matrix: npt.NDArray[np.float64],
+    ) -> RigObject:
+        is_first = node["mesh"] not in self.meshes
+        if is_first:
+            self.meshes[node["mesh"]] = self._mesh(node["mesh"])
+        fields, n_morphs = self.meshes[node["mesh"]]
+        if not is_first and "extras" in fields and self.n_extras <= _MOST_EXTRAS:
+            self.n_extras += len(json.dumps(fields["extras"]))
+        if not is_first and self.n_extras > _MOST_EXTRAS:
+            fields = {key: value for key, value in fields.items() if key != "extras"}
+        if (weights := _weights(node, n_morphs)) is not None:
+            made["weights"] = weights
+        return RigObject(
+            node=place,
+            matrix=matrix,
+            fields=fields,
+            n_morphs=n_morphs,
+            ignores_node="skin" in node,
+        )
+
+    def _mesh(self, index: int) -> tuple[dict[str, Any], int]:
+        """Fields of a mesh, and the number of its morph targets."""
         mesh = self.document.item("meshes", index)
         primitives = self.document.objects(mesh, "primitives")
+        n_morphs = max((len(morph_targets(each)) for each in primitives), default=0)
         fields = _named(mesh)
         if isinstance(extras := fields.get("extras"), dict):
             names = {key: text for key, text in extras.items() if not key.startswith("TEXCOORD_")}
             fields["extras"] = names
-        if "weights" in mesh:
-            fields["weights"] = sound_json(mesh["weights"])
-        return RigObject(
-            node=place,
-            matrix=matrix,
-            fields={key: value for key, value in fields.items() if value not in (None, {})},
-            n_morphs=max((len(self.document.objects(p, "targets")) for p in primitives), default=0),
-        )
+        if (weights := _weights(mesh, n_morphs)) is not None:
+            fields["weights"] = weights
+        return {key: value for key, value in fields.items() if value not in (None, {})}, n_morphs
 
     def _has_morph_normals(self, mesh: dict[str, Any]) -> bool:
         primitives = self.document.objects(mesh, "primitives")
-        targets = (t for each in primitives for t in self.document.objects(each, "targets"))
+        targets = (target for each in primitives for target in morph_targets(each))
         return any("NORMAL" in target for target in targets)
 
     def _camera(self, camera: dict[str, Any]) -> dict[str, Any]:
-        made = sound_json(camera)
-        if made is None or made.get("type") not in ("perspective", "orthographic"):
-            self.document.fail("a camera has no type")
-        return dict(made)
+        kind = camera.get("type")
+        if kind not in _CAMERAS or not isinstance(camera.get(kind), dict):
+            self.document.fail("it has neither a perspective nor an orthographic view")
+        lens = {key: value for key, value in camera[kind].items() if key != "extensions"}
+        if sound_json(lens) is None:
+            self.document.fail("a number is not finite")
+        return {"type": kind, kind: lens}
+
+    def _light(self, light: dict[str, Any]) -> dict[str, Any]:
+        if light.get("type") not in _LIGHT_TYPES:
+            self.document.fail(f"its type is none of {', '.join(_LIGHT_TYPES)}")
+        made = {key: value for key, value in light.items() if key not in ("extensions", "name")}
+        if sound_json(made) is None:
+            self.document.fail("a number is not finite")
+        return made
 
     def _skin(self, skin: dict[str, Any]) -> dict[str, Any]:
         joints = indices(self.document, skin, "joints")
         if not joints or not set(joints) <= self.numbers.keys():
-            self.document.fail("a skin names joints that are not in the scene")
+            self.document.fail("not all its joints are nodes of the scene")
         made: dict[str, Any] = {"joints": [self.numbers[joint] for joint in joints]}
         if type(skin.get("skeleton")) is int and skin["skeleton"] in self.numbers:
             made["skeleton"] = self.numbers[skin["skeleton"]]
         if "inverseBindMatrices" in skin:
             rows = self._array(skin["inverseBindMatrices"], 16)
             if len(self.arrays[rows]) < len(joints):
-                self.document.fail("a skin has fewer matrices than joints")
+                self.document.fail("it has fewer inverse bind matrices than joints")
             made["inverseBindMatrices"] = rows
         return made
 
@@ -176,44 +228,65 @@ class _RigReader:
             node, path = target.get("node"), target.get("path")
             number = channel.get("sampler")
             if type(number) is not int or not 0 <= number < len(samplers):
-                self.document.fail("an animation has no such sampler")
-            if type(node) is not int or node not in self.numbers:
+                self.document.fail(f"a channel names the sampler {quoted(number)}, not there")
+            if type(node) is not int or node not in self.numbers or not isinstance(path, str):
                 continue
-            width = _PLACES.get(str(path), 1)
+            place = self.numbers[node]
             n_values = 1
             if path == "weights":
-                n_values = self.n_morphs.get(self.numbers[node], 0)
-            elif path not in _PLACES:
+                n_values = self.n_morphs.get(place, 0)
+            elif path not in _PLACES or "matrix" in self.nodes[place]:
                 continue
             if n_values:
-                made.append(self._sampler(samplers[number], width, n_values))
-                item = {"node": self.numbers[node], "path": path}
-                channels.append({"sampler": len(made) - 1, "target": item})
+                made.append(self._sampler(samplers[number], _PLACES.get(path, 1), n_values))
+                channels.append({"sampler": len(made) - 1, "target": {"node": place, "path": path}})
         if not channels:
-            self.document.fail("an animation moves nothing in the scene")
+            self.document.fail("it moves no node of the scene")
         return {"samplers": made, "channels": channels}
 
     def _sampler(self, sampler: dict[str, Any], width: int, n_values: int) -> dict[str, Any]:
         kind = sampler.get("interpolation", "LINEAR")
-        times, values = (
-            self._array(sampler.get("input"), 1),
-            self._array(sampler.get("output"), width),
-        )
-        n_times = len(self.arrays[times])
-        wanted = _INTERPOLATIONS.get(str(kind), 0) * n_times * n_values
-        if not n_times or len(self.arrays[values]) != wanted:
-            self.document.fail("an animation has another number of values than of times")
+        if not isinstance(kind, str) or kind not in _INTERPOLATIONS:
+            self.document.fail(f"a sampler has the unknown interpolation {quoted(kind)}")
+        times = self._array(sampler.get("input"), 1)
+        values = self._array(sampler.get("output"), width)
+        n_times, n_found = len(self.arrays[times]), len(self.arrays[values])
+        wanted = _INTERPOLATIONS[kind] * n_times * n_values
+        if kind == "CUBICSPLINE" and n_times == 1:
+            self.document.fail("a spline has a single time")
+        if not n_times or n_found != wanted:
+            self.document.fail(
+                f"a sampler has {n_found} values, where {n_times} times ask for {wanted}"
+            )
         return {"input": times, "output": values, "interpolation": kind}
 
     def _array(self, index: Any, width: int) -> int:
         """Read an accessor as float32, and return its number."""
         if type(index) is not int or index not in self.arrays:
+            values = self.document.accessor(index)
+            self.n_bytes += 4 * values.size
+            if self.n_bytes > max(_LEAST_BYTES, _BYTES_PER_BYTE * self.document.n_bytes):
+                self.document.fail("accessors read the same bytes too often")
             with np.errstate(over="ignore"):
-                values = self.document.accessor(index).astype(np.float32)
-            self.arrays[index] = values
+                self.arrays[index] = values.astype(np.float32)
         if self.arrays[index].shape[1] != width or not np.isfinite(self.arrays[index]).all():
-            self.document.fail(f"accessors[{index}] has other values than are needed")
+            self.document.fail(f"accessors[{index}] does not have {width} finite numbers per row")
         return int(index)
+
+
+def _mapping(owner: dict[str, Any], key: str) -> dict[str, Any]:
+    """An object that an object holds; empty where there is none or anything else."""
+    value = owner.get(key)
+    return value if isinstance(value, dict) else {}
+
+
+def _weights(owner: dict[str, Any], n_morphs: int) -> list[float] | None:
+    """Weights of morph targets; None where they are not that many finite numbers."""
+    values = owner.get("weights")
+    if not n_morphs or not isinstance(values, list) or len(values) != n_morphs:
+        return None
+    is_sound = all(type(value) in (int, float) and abs(value) < 1e38 for value in values)
+    return values if is_sound else None
 
 
 def sound_json(value: Any) -> Any:

@@ -1,7 +1,9 @@
 """Writing a `Rig` as glTF: objects of a mesh put back where their nodes are.
 
 Codes of quantized positions count from one corner of the whole mesh, so an object that nothing
-bends gets a node below its own that takes the codes there; all others keep floats.
+bends gets a node below its own that takes the codes there; all others keep floats. A skinned object
+is written where `Mesh` has it, in the pose that it is stored in, and its skin binds it there. One
+that its node cannot hold in its place gets a node of its own at the root of the scene.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import Quantization
 from texbake.mesh.files.gltf_vertices import Frame
+from texbake.mesh.files.node_matrices import inverse
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, RigObject
 
@@ -28,20 +31,22 @@ class RigWriter:
         self.asset, self.rig, self.quantization = asset, rig, quantization
         self.nodes = [dict(node) for node in rig.nodes]
         self.scene: list[int] = list(rig.content["scenes"][0]["nodes"])
+        self.placed_apart: dict[str, list[str]] = {}  # objects at the root, by the reason
+        self._apart: dict[int, int] = {}  # the nodes of those, by the nodes that they came from
         self._accessors: dict[int, int] = {}  # those written, by their numbers in the rig
 
     def frame(self, item: RigObject, mesh: Mesh, faces: npt.NDArray[np.intp]) -> Frame:
         """Return the space in which the faces of an object are written."""
         skin = self.nodes[item.node].get("skin")
         joints = None
-        if skin is not None and mesh.deformation is not None:
+        matrix = inverse(item.matrix)
+        if skin is not None and mesh.deformation is not None and matrix is not None:
             vertices = np.unique(mesh.faces[faces])
             bound = mesh.deformation.weights[vertices] > 0.0
             if bound.any():
                 joints = self.skins.numbers(skin, mesh.deformation.joints[vertices][bound])
-        matrix = inverse(item.matrix)
         return Frame(
-            matrix=np.eye(4) if matrix is None else matrix,
+            matrix=np.eye(4) if matrix is None or self._ignores_node(item) else matrix,
             joints=joints,
             n_morphs=item.n_morphs if mesh.deformation is not None else 0,
             has_morph_normals=self.rig.has_morph_normals,
@@ -64,19 +69,39 @@ class RigWriter:
             fields["extras"] = extras
         mesh = self.asset.add_mesh(fields.pop("name", name), primitives, **fields)
         node = self.nodes[item.node]
+        if any("JOINTS_0" in primitive["attributes"] for primitive in primitives):
+            node["mesh"] = mesh
+            return
         to_node = inverse(item.matrix)
-        if to_node is None:  # its scale is 0, so it stays where it is
-            self.scene.append(len(self.nodes))
-            self.nodes.append({"name": name, "mesh": mesh})
-        elif is_coded and self.quantization is not None:
-            matrix = pm.matmul(to_node, self.quantization.matrix())
-            node.setdefault("children", [])
-            node["children"] = [*node["children"], len(self.nodes)]
-            self.nodes.append({"mesh": mesh, "matrix": matrix.T.ravel().tolist()})
+        codes = self.quantization.matrix() if is_coded and self.quantization is not None else None
+        if to_node is None or self._ignores_node(item):
+            why = "their nodes flatten them" if to_node is None else "no joints move them"
+            self._place_apart(item, name, mesh, codes, why)
+        elif codes is not None:
+            node["children"] = [*node.get("children", ()), len(self.nodes)]
+            self.nodes.append({"mesh": mesh, **_matrix_field(pm.matmul(to_node, codes))})
         else:
             node["mesh"] = mesh
-        if not any("JOINTS_0" in primitive["attributes"] for primitive in primitives):
-            node.pop("skin", None)
+        node.pop("skin", None)
+
+    def _ignores_node(self, item: RigObject) -> bool:
+        """Whether the transform of its node does not move an object, as that of a skinned one."""
+        return item.ignores_node or "skin" in self.rig.nodes[item.node]
+
+    def _place_apart(
+        self, item: RigObject, name: str, mesh: int, codes: FloatArray | None, why: str
+    ) -> None:
+        """Hang a mesh on a new node at the root of the scene."""
+        node = self.nodes[item.node]
+        made: dict[str, Any] = {"name": name, "mesh": mesh}
+        if codes is not None:
+            made |= _matrix_field(codes)
+        if "weights" in node:
+            made["weights"] = node.pop("weights")
+        self._apart[item.node] = len(self.nodes)
+        self.scene.append(len(self.nodes))
+        self.nodes.append(made)
+        self.placed_apart.setdefault(why, []).append(name)
 
     @cached_property
     def skins(self) -> _Skins:
@@ -86,9 +111,11 @@ class RigWriter:
     def finish(self) -> None:
         """Write nodes, skins, animations, cameras and lights."""
         meshes = {number for number, node in enumerate(self.nodes) if "mesh" in node}
-        for number, node in enumerate(self.nodes):
-            if number not in meshes:
+        has_morphs = self.asset.meshes_with_targets()
+        for node in self.nodes:
+            if "mesh" not in node:
                 node.pop("skin", None)
+            if node.get("mesh") not in has_morphs:
                 node.pop("weights", None)
         content = {
             "nodes": self.nodes,
@@ -113,8 +140,8 @@ class RigWriter:
     def _skins(self) -> Iterator[dict[str, Any]]:
         for number, skin in enumerate(self.rig.content.get("skins", ())):
             made = {**skin, "joints": self.skins.joints[number]}
-            if "inverseBindMatrices" in skin:
-                matrices = self.skins.matrices[number].astype(np.float32)
+            matrices = self.skins.matrices[number].astype(np.float32)
+            if "inverseBindMatrices" in skin or (matrices != np.eye(4).ravel()).any():
                 made["inverseBindMatrices"] = self.asset.add_array(matrices)
             yield made
 
@@ -125,11 +152,11 @@ class RigWriter:
             channels = []
             for channel in animation["channels"]:
                 target = channel["target"]
-                if target["path"] == "weights" and (
-                    target["node"] not in meshes
-                    or self.nodes[target["node"]]["mesh"] not in has_morphs
-                ):
-                    continue
+                if target["path"] == "weights":
+                    node = self._apart.get(target["node"], target["node"])
+                    if node not in meshes or self.nodes[node]["mesh"] not in has_morphs:
+                        continue
+                    target = {**target, "node": node}
                 sampler = animation["samplers"][channel["sampler"]]
                 made = {
                     **sampler,
@@ -138,7 +165,7 @@ class RigWriter:
                 }
                 if made not in samplers:
                     samplers.append(made)
-                channels.append({**channel, "sampler": samplers.index(made)})
+                channels.append({"sampler": samplers.index(made), "target": target})
             if channels:
                 yield {**animation, "samplers": samplers, "channels": channels}
 
@@ -150,18 +177,25 @@ class RigWriter:
 
 
 class _Skins:
-    """Joints of skins, and (n, 16) matrices that take positions to them at rest."""
+    """Joints of skins, and (n, 16) matrices that take positions of `Mesh` to them at rest."""
 
     def __init__(self, rig: Rig) -> None:
         self.joints: list[list[int]] = []
         self.matrices: list[npt.NDArray[Any]] = []
         self._n_nodes = len(rig.nodes)
-        for skin in rig.content.get("skins", ()):
+        stored = {rig.nodes[item.node].get("skin"): item.matrix for item in rig.objects.values()}
+        for number, skin in enumerate(rig.content.get("skins", ())):
             n = len(skin["joints"])
             unit = np.tile(np.eye(4, dtype=np.float32).ravel(), (n, 1))
             given = skin.get("inverseBindMatrices")
             self.joints.append(list(skin["joints"]))
-            self.matrices.append(unit if given is None else rig.arrays[given][:n])
+            rows = unit if given is None else rig.arrays[given][:n]
+            to_stored = inverse(stored.get(number, np.eye(4)))
+            if to_stored is not None and (to_stored != np.eye(4)).any():
+                # The rows of a file are the columns of matrices.
+                rows = pm.matmul(to_stored.T, rows.reshape(-1, 4, 4).astype(float)).reshape(-1, 16)
+                rows[:, 3::4] = np.array([0.0, 0.0, 0.0, 1.0])  # whatever rounding has left
+            self.matrices.append(rows)
 
     def numbers(self, skin: int, nodes: IntArray) -> IntArray:
         """(n,) int32: number of each node among the joints of a skin, which gets those it lacks."""
@@ -179,11 +213,5 @@ class _Skins:
         return table
 
 
-def inverse(matrix: FloatArray) -> FloatArray | None:
-    """Inverse of a (4, 4) matrix; None where it has none in numbers worth the name."""
-    with np.errstate(all="ignore"):
-        determinant = pm.det(matrix[:3, :3])
-        if not np.isfinite(determinant) or abs(determinant) < 1e-30:
-            return None
-        found = pm.inv(matrix)
-    return found if np.isfinite(found).all() else None
+def _matrix_field(matrix: FloatArray) -> dict[str, Any]:
+    return {"matrix": matrix.T.ravel().tolist()}

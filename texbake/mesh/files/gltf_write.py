@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.errors import OptionError, UvError
+from texbake.errors import OptionError, UvError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import far_origin, float32_positions, require_uvs
 from texbake.mesh.files.gltf_asset import GltfAsset
@@ -172,6 +172,9 @@ def _add_objects(
         primitives = [found for faces in parts for found in writer.primitives(faces, frame)]
         places.place(item, group, primitives, extras, is_coded=frame.is_rigid)
     places.finish()
+    for why, names in places.placed_apart.items():
+        listed = ", ".join(first_few(names))
+        warn_of(mesh.name, f"wrote at the root of the scene, because {why}: {listed}")
 
 
 class _PrimitiveWriter:

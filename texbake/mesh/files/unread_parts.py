@@ -93,15 +93,20 @@ def _counts(source: Document | FbxScene) -> Mapping[str, int]:
 
 
 def _counts_of_gltf(document: Document) -> dict[str, int]:
-    counts = {noun: len(document.items(kind)) for kind, noun in _OF_GLTF.items()}
-    extensions = document.mapping(document.content, "extensions")
-    lights = document.mapping(extensions, _LIGHTS)
-    counts["light"] = len(document.objects(lights, "lights"))
+    content = document.content
+    extensions = content.get("extensions")
+    lights = extensions.get(_LIGHTS) if isinstance(extensions, dict) else None
+    counts = {noun: _count(content.get(kind)) for kind, noun in _OF_GLTF.items()}
+    counts["light"] = _count(lights.get("lights")) if isinstance(lights, dict) else 0
     counts["shape key"] = 0
     for mesh in document.items("meshes"):  # all its primitives have the same keys
-        keys = [document.objects(each, "targets") for each in document.objects(mesh, "primitives")]
-        counts["shape key"] += max(map(len, keys), default=0)
+        keys = [_count(each.get("targets")) for each in document.objects(mesh, "primitives")]
+        counts["shape key"] += max(keys, default=0)
     return counts
+
+
+def _count(items: object) -> int:
+    return len(items) if isinstance(items, list) else 0
 
 
 def _counts_of_fbx(scene: FbxScene) -> Counter[str]:
