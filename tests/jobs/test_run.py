@@ -19,6 +19,7 @@ from texbake import (
     RunOptions,
     TexbakeError,
     check,
+    finish,
     read_image,
     read_mesh,
     run,
@@ -241,15 +242,22 @@ def test_the_padding_follows_from_the_size_and_the_charts(tmp_path, n_per_side, 
 
 @pytest.mark.parametrize(
     ("n_per_side", "size", "padding", "hint"),
-    [(6, 64, None, "use a larger `size`$"), (4, 96, 2, "`size` or less `padding`$")],
+    [(6, 64, None, "$"), (4, 96, 2, " or less `padding`$")],
 )
-def test_an_atlas_finer_than_its_texels_is_an_error(tmp_path, n_per_side, size, padding, hint):
+def test_an_atlas_finer_than_its_texels_is_an_error_that_names_the_size_that_fits(
+    tmp_path, n_per_side, size, padding, hint
+):
     high = boxes(n_per_side)
     shape = {"n_faces": high.n_faces, "remesh": "never", "normals": "smooth"}
     options = RunOptions(size=size, padding=padding, **shape)
-    with pytest.raises(UvError, match=f"% of the area, own no texel at {size} x .*{hint}"):
+    words = rf"would own no texel at {size} x {size}; use `size` (\d+)x\1{hint}"
+    with pytest.raises(UvError, match=words) as error:
         run(high, tmp_path, options)
     assert list(tmp_path.iterdir()) == []
+    with pytest.raises(UvError, match=words):
+        finish(high.positions, high.faces, options=options)
+    larger = int(re.search(words, str(error.value))[1])
+    run(high, tmp_path, replace(options, size=larger, samples=1, compare="off"))
 
 
 @pytest.mark.parametrize(

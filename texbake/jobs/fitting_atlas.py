@@ -64,9 +64,10 @@ def unwrap_to_fit(
             if share_without_texel(made, sides, threads=threads) > MOST_WITHOUT_TEXEL:
                 continue
             if times > 1 and not may_grow:
+                less = " or less `padding`" if (padding or 0) > 1 else ""
                 raise UvError(
                     f"{mesh.name}: more than a hundredth of its area would own no texel at "
-                    f"{asked[0]} x {asked[1]}; use `size` {sides[0]}x{sides[1]}"
+                    f"{asked[0]} x {asked[1]}; use `size` {sides[0]}x{sides[1]}{less}"
                 )
             if times == 1:
                 return made, report, ()
@@ -79,5 +80,5 @@ def unwrap_to_fit(
         raise failure
     raise UvError(
         f"{mesh.name}: more than a hundredth of its area would own no texel, even at "
-        f"{_GREATEST} x {_GREATEST}; use fewer triangles, or `uvs` keep"
+        f"{_GREATEST} x {_GREATEST}; use fewer triangles"
     )

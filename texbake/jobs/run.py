@@ -21,12 +21,13 @@ from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
 from texbake.jobs.comparison import comparison_warnings
 from texbake.jobs.fit import with_diagnosis
+from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker
 from texbake.jobs.material_transfer import channels_of_images, transferred_channels
 from texbake.jobs.options import PICTURES, RunOptions, with_levels
 from texbake.jobs.outputs import write_report
 from texbake.jobs.run_files import coded_map, files_of_levels, mesh_name, write_asset
-from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
+from texbake.mapping.unwrap import UnwrapReport
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
@@ -254,7 +255,9 @@ def make_asset(
     low = rule.before_unwrap(low_poly.mesh.replace(name=low_name))
     with stages.part("unwrap"):
         layout = options.unwrap_options()
-        low, unwrapped = unwrap_with_report(low, options=layout, progress=progress)
+        low, unwrapped, _ = unwrap_to_fit(
+            low, layout.size, layout.padding, may_grow=False, threads=threads, progress=progress
+        )
         low = rule.after_unwrap(low)
     with stages.part("levels") if options.levels else nullcontext():
         coarser = [maker.make_level(low, low_poly, n_faces) for n_faces in options.levels or ()]
@@ -292,6 +295,7 @@ def _baked_level(
     channels = transferred_channels(materials)
     chosen = made.aimed(options.bake_options(channels, options.padding))
     baked = bake_objects(high, mesh, chosen, materials=materials, progress=progress)
+    check_texels(mesh, baked)
     write_asset(baked, (high, mesh), materials, files, options, progress)
     notes = tuple(f"{mesh.name}: {note}" for note in made.report.notes)
     return RunLevel(mesh=mesh, baked=baked, files=files, notes=notes)
