@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from tests.character import BODY, WHEEL, character, posed
-from texbake.errors import heard_warnings
+from texbake.errors import MeshError, heard_warnings
 from texbake.mesh.compose import excerpt, join_parts, transformed
-from texbake.mesh.deformation import largest_weights
+from texbake.mesh.deformation import Deformation, Morph, largest_weights
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.node_matrices import inverse, rotation_matrices
@@ -268,6 +268,22 @@ def test_cutting_moving_and_joining_carry_along_what_moves():
     matrix = np.diag([2.0, 2.0, -2.0, 1.0])
     moved = transformed(part, matrix).deformation.morphs[0].displacements
     assert np.array_equal(moved, part.deformation.morphs[0].displacements * [2, 2, -2])
+
+
+def test_deformations_are_checked_and_read_only():
+    joints, weights = np.zeros((3, 2), np.int32), np.zeros((3, 2))
+    sound = Morph(np.array([0, 2], np.int32), np.ones((2, 3)))
+    made = Deformation(joints, weights, (sound,))
+    for array in (made.joints, made.weights, made.poses, sound.vertices, sound.displacements):
+        assert not array.flags.writeable
+    with pytest.raises(MeshError, match="joints and weights"):
+        Deformation(joints, weights[:2])
+    with pytest.raises(MeshError, match="beyond the 3"):
+        Deformation(joints, weights, (Morph(np.array([3], np.int32), np.ones((1, 3))),))
+    with pytest.raises(MeshError, match="poses"):
+        Deformation(joints, weights, poses=np.zeros((1, 2, 3)))
+    with pytest.raises(MeshError, match="differ in length"):
+        Morph(np.array([0], np.int32), np.ones((2, 3)))
 
 
 def test_mixing_vertices_keeps_the_largest_weights():

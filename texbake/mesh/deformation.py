@@ -8,15 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import MeshError
 from texbake.records import dataclass
 
 _Floats = npt.NDArray[np.float64]
 _Ints = npt.NDArray[np.int32]
+
+
+def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """View of an array that cannot be changed by it."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +34,12 @@ class Morph:
 
     vertices: _Ints  # (n,) int32; rising
     displacements: _Floats  # (n, 3) float64; in the space of the mesh's positions
+
+    def __post_init__(self) -> None:
+        if np.shape(self.displacements) != (len(self.vertices), 3):
+            raise MeshError("morph target: vertices and displacements differ in length")
+        for name in ("vertices", "displacements"):
+            object.__setattr__(self, name, _read_only(getattr(self, name)))
 
     @classmethod
     def of_rows(cls, rows: _Floats) -> Morph:
@@ -59,6 +74,19 @@ class Deformation:
     weights: _Floats
     morphs: tuple[Morph, ...] = ()
     poses: _Floats = field(default_factory=lambda: np.zeros((0, 0, 3)))
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.joints)
+        n = shape[0] if shape else 0
+        if len(shape) != 2 or np.shape(self.weights) != shape:
+            raise MeshError("deformation: joints and weights are not two (V, K) arrays")
+        if np.shape(self.poses)[1:] != (n if len(self.poses) else 0, 3):
+            raise MeshError(f"deformation: poses are not (P, {n}, 3)")
+        for morph in self.morphs:
+            if len(morph.vertices) and not 0 <= morph.vertices.min() <= morph.vertices.max() < n:
+                raise MeshError(f"deformation: a morph target moves vertices beyond the {n} there")
+        for name in ("joints", "weights", "poses"):
+            object.__setattr__(self, name, _read_only(getattr(self, name)))
 
     def __len__(self) -> int:
         return len(self.joints)

@@ -192,7 +192,7 @@ def _content_rows(info: MeshFileInfo) -> Rows:
     ]
     images = [(f"image {name}", _image(shape)) for name, shape in info.image_shapes.items()]
     if contents.passed_over:
-        rows.append(("not read", ", ".join(contents.passed_over)))
+        rows.append(("also in file", ", ".join(contents.passed_over)))
     for listed, what in ((materials, "materials"), (images, "images")):
         rows += listed[:_GROUPS_SHOWN]
         if len(listed) > _GROUPS_SHOWN:

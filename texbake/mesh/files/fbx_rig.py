@@ -77,11 +77,13 @@ class FbxMotions:
             (shape.text() or f"shape {i}", 0.0, shape, None)
             for i, shape in enumerate(geometry.node.named("Shape"))
         ]
+        used: set[Id] = set()  # files could name a large shape very often
         for blend in self._deformers(geometry, "BlendShape"):
             for channel in self._deformers(blend, "BlendShapeChannel"):
                 shapes = self.scene.members_of(channel.key, "Geometry")
                 percent = channel.node.numbers("DeformPercent")
-                if shapes:
+                if shapes and shapes[-1].key not in used:
+                    used.add(shapes[-1].key)
                     weight = float(percent[0]) / 100.0 if len(percent) else 0.0
                     found.append((channel.name, weight, shapes[-1].node, channel.key))
         return found
@@ -322,24 +324,24 @@ class _RigMaker:
             for node, place in self.targets.get(key, ()) if path == "DeformPercent" else ():
                 of_nodes.setdefault(node, {})[place] = axes[0]
         for node, places in of_nodes.items():
-            times = self._times(list(places.values()))
+            times = self._times(list(places.values()), self.n_morphs[node])
             weights = np.zeros((len(times), self.n_morphs[node]))
             for place, curve in places.items():
                 weights[:, place] = curve.at(times) / 100.0
             yield node, "weights", times, weights.reshape(-1, 1)
 
-    def _times(self, curves: list[Curve]) -> FloatArray:
-        """Times at which curves are sampled."""
+    def _times(self, curves: list[Curve], width: int = 1) -> FloatArray:
+        """Times at which curves are sampled, for rows of so many values."""
         keys = np.unique(np.concatenate([curve.times for curve in curves]))
         span = float(keys[-1] - keys[0])
-        left = max(_MOST_SAMPLES - self.n_samples, 64)
+        left = max((_MOST_SAMPLES - self.n_samples) // width, 64)
         keys = keys if len(keys) <= left else keys[:: -(-len(keys) // left)]
         n = min(int(span * _RATE) + 1, left)
         grid = keys[0] + span * np.arange(n) / max(n - 1, 1)
         times: FloatArray = np.unique(np.concatenate([keys, grid]))
         # Nothing closer than a thousandth of a second, which float32 may not tell apart.
         times = times[np.append(True, np.diff(times) > 1e-3)]
-        self.n_samples += len(times)
+        self.n_samples += width * len(times)
         return times
 
 
