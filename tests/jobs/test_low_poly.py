@@ -130,11 +130,11 @@ def test_what_would_be_torn_is_wrapped(name):
 
 @pytest.mark.parametrize("name", real("broken/VH_M_Prostate.glb"))
 def test_parts_that_were_dropped_make_no_spikes(name, tmp_path):
-    """Thin ducts are dropped, up to 31 % of the diagonal away from all that is left."""
-    options = RunOptions(n_faces=500, size=256, samples=1, compare="full")
+    """Thin ducts are dropped, far away from all that is left."""
+    options = RunOptions(n_faces=100, size=256, samples=1, compare="full")
     result = texbake.run(model(name), tmp_path, options)
     apart, front = result.simplified.distance, result.baked.report.front
-    assert front is not None and front < 0.2 * apart.a_to_b.max
+    assert front is not None and front < 0.25 * apart.a_to_b.max
     compared = result.comparison
     assert compared is not None and compared.displaced is not None
     assert compared.displaced.mean_deg < 0.3 * compared.bare.mean_deg

@@ -12,7 +12,7 @@ from texbake.mapping.seams import seam_edges
 from texbake.mapping.stacked import StackedIslands
 from texbake.mapping.unwrap import unwrap, unwrap_with_report
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import icosphere
+from texbake.mesh.shapes import icosphere, plane
 
 
 def symmetric():
@@ -48,6 +48,12 @@ def test_seams_mirror_each_other(mesh, within):
     assert mirrored_share(found, within) > 0.8
     figures = distortion(found)
     assert figures.n_overlapping == figures.n_mirrored == 0
+
+
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+def test_what_lies_flat_is_not_cut_at_its_mirror_plane(quality):
+    _, report = unwrap_with_report(plane(8, 8), quality=quality, size=128)
+    assert report.distortion.n_charts == 1
 
 
 def test_faces_find_their_mirror_images():

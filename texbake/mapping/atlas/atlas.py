@@ -44,6 +44,7 @@ from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped
 from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.mesh.objects import face_objects
+from texbake.mesh.topology import face_components
 from texbake.progress import Stages
 from texbake.records import dataclass
 
@@ -269,30 +270,25 @@ def _connected_charts(
     overlaps = options.symmetry == "overlap"
     # Charts that mirror each other take three times as long as those of `fast`.
     mirrors = options.symmetry == "auto" and options.quality != "fast"
-    why = "it has no mirror plane"
+    why, halves = "it has no mirror plane", None
     if (overlaps or mirrors) and options.charts == "texbake":
         with stages.stage("find mirror plane"):
             halves = find_halves(surface, apart=overlaps)
-        if halves is not None and overlaps and halves.twins is not None:
+    if halves is not None:
+        if overlaps and halves.twins is not None:
             return _stacked_charts(mesh, surface, halves, options, stages)
-        if halves is not None:
-            why = "its faces do not mirror each other one by one"
-        if halves is not None and options.quality != "fast":
-            charts = _symmetric_charts(mesh, surface, halves, options, stages)
-            return _without_stacks(charts, why, options)
+        why = "its faces do not mirror each other one by one"
     weights = _weights(surface, options, stages)
     charts = _cut(mesh, surface, options, stages, weights)
-    if options.quality != "fast":
+    # Where no chart meets another, there is no border that a mirror image could differ from.
+    apart = charts.n_charts == face_components(surface.joints[0], len(surface.points))[1]
+    if halves is not None and options.quality != "fast" and not apart:
+        charts = _mirrored(mesh, surface, halves, charts, options, stages, weights)
+    elif options.quality != "fast":
         charts = _improved(mesh, surface, charts, options, stages, weights)
     charts = _bounded(surface, charts, options, stages)
-    return _without_stacks(charts, why, options)
-
-
-def _without_stacks(charts: Charts, why: str, options: UnwrapOptions) -> Charts:
-    """Note that no charts share texels, where that was asked for."""
-    if options.symmetry != "overlap":
-        return charts
-    return replace(charts, notes=(*charts.notes, f"no charts share texels, because {why}"))
+    note = (f"no charts share texels, because {why}",) if overlaps else ()
+    return replace(charts, notes=(*charts.notes, *note))
 
 
 def _weights(surface: ChartSurface, options: UnwrapOptions, stages: Stages) -> FloatArray:
@@ -315,17 +311,20 @@ def _cut(
         )
 
 
-def _symmetric_charts(
-    mesh: Mesh, surface: ChartSurface, halves: Halves, options: UnwrapOptions, stages: Stages
+def _mirrored(
+    mesh: Mesh,
+    surface: ChartSurface,
+    halves: Halves,
+    charts: Charts,
+    options: UnwrapOptions,
+    stages: Stages,
+    weights: FloatArray,
 ) -> Charts:
-    """Cut a mesh, carry the charts of one half to the other, and join them as mirror images."""
-    weights = _weights(surface, options, stages)
-    charts = _cut(mesh, surface, options, stages, weights)
+    """Carry the charts of one half to the other, and join them as mirror images."""
     with stages.stage("mirror charts"):
         charts = half_charts(mesh, surface, halves, charts, options.quality)
     as_cut = chart_stretch(surface.points, mesh, charts)
-    charts = _joined(surface, charts, options, stages, weights, as_cut=as_cut, halves=halves)
-    return _bounded(surface, charts, options, stages)
+    return _joined(surface, charts, options, stages, weights, as_cut=as_cut, halves=halves)
 
 
 def _stacked_charts(
