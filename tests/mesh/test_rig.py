@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.character import BODY, WHEEL, character, posed
-from texbake.errors import MeshError, heard_warnings
+from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.mesh.compose import excerpt, join_parts, transformed
 from texbake.mesh.deformation import Deformation, Morph, largest_weights
 from texbake.mesh.distance import surface_distance
@@ -180,6 +180,16 @@ def test_what_is_damaged_is_left_out(path, tmp_path, damage):
         )
         np.testing.assert_allclose(there, here, atol=1e-6)
     assert all("weights" not in item.fields for item in rig.objects.values())
+
+
+def test_targets_that_repeat_an_array_are_bounded(path):
+    def change(content):
+        primitive = content["meshes"][0]["primitives"][0]
+        primitive["targets"] *= 2000
+
+    edited(path, change)
+    with pytest.raises(FileFormatError, match="--max-triangles"):
+        read_mesh(path)
 
 
 def test_extensions_of_cameras_and_lights_are_left_out(path, tmp_path):

@@ -38,6 +38,7 @@ _FIELDS = {
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
 _BINDING = re.compile("(?:JOINTS|WEIGHTS)_[0-7]")  # 32 joints a vertex
 _MOTIONS = ("JOINTS", "WEIGHTS", "TARGET")
+_COPIES = 8  # what a target takes in memory, by the triangles of a mesh without
 _ROWS_AT_ONCE = 1 << 18  # of joined primitives; more rows take more memory and time
 # Draco packs the triangles of a flat grid 11 to a byte, and takes 80 bytes to decode each: 16 times
 # what other files may take.
@@ -234,9 +235,11 @@ def _bounds(counts: list[int]) -> IntArray:
 
 
 def motion_count(document: Document, primitive: dict[str, Any]) -> int:
-    """Number of arrays of joints and morph targets of a primitive."""
+    """Number of arrays of joints and morph targets of a primitive; repeated ones count more."""
     bindings = filter(_BINDING.fullmatch, document.mapping(primitive, "attributes"))
-    return len(list(bindings)) + len(morph_targets(primitive))
+    targets = [str(each.get("POSITION")) for each in morph_targets(primitive)]
+    n_repeated = len(targets) - len(set(targets))
+    return len(list(bindings)) + len(targets) + (_COPIES - 1) * n_repeated
 
 
 def morph_targets(primitive: dict[str, Any]) -> list[dict[str, Any]]:
