@@ -40,7 +40,7 @@ _VIEWS, _PICTURE_PX = 4, 256
 _MOST_LEVELS, _LEAST_FACES = 4, 200
 # Bytes of a triangle in a file, at least: with integers, and coded as well.
 _BYTES, _CODED_BYTES = 9, 3
-_QUALITIES = (15, 35, 60, 85)
+_QUALITIES = (15, 35, 60, 75, 85, 90)
 _LEAST_SIDE = 64
 _GROWTH = 2.5  # bytes of an image over those of half its side, at least
 # Weights of the squared errors of codes: chosen, not measured.
