@@ -29,12 +29,13 @@ _SHARE = 0.95
 
 # Points, rounds of closest points and the error, in tolerances, beyond which a plane is dropped.
 _ROUNDS = ((150, 4, 5.0), (150, 4, 2.5), (1500, 6, 1.0))
+_MOST_PLANES = 3  # in a further round: a sphere has more than are needed
+_EXACT = 1e-7  # diagonals, the rounding of float32: no step makes such a plane better
 _FARTHEST = 10.0  # tolerances; farther points do not count
 # Of the closest points, this share decides where the plane is: the rest may have no mirror image.
 _TRIMMED = 0.85
-_MOST_ALIKE = (
-    0.1  # differ two moments by less than this share of the larger, all axes between count
-)
+# If two moments differ by less than this share of the larger, all axes between count.
+_MOST_ALIKE = 0.1
 _N_TURNS = 8  # of those axes
 
 
@@ -124,6 +125,8 @@ def _refined(
         error = float(ordered[int(_SHARE * len(ordered))]) / diagonal
         if error < best.error:
             best = MirrorPlane(plane.normal, plane.offset, error)
+        if error <= _EXACT:
+            break
         near = distances <= min(ordered[int(_TRIMMED * len(ordered))], farthest)
         if np.count_nonzero(near) < len(near) // 2:
             break
@@ -144,10 +147,10 @@ def plane_between(one: FloatArray, other: FloatArray, error: float = np.inf) -> 
 
 
 def _distinct(planes: Iterable[MirrorPlane]) -> list[MirrorPlane]:
-    """Planes without those that are nearly the same, in the order of their errors."""
+    """The best planes without those that are nearly the same, in the order of their errors."""
     kept: list[MirrorPlane] = []
     for plane in planes:
         if all(abs(float(pm.vecdot(plane.normal, other.normal))) < 0.9995 for other in kept):
             kept.append(plane)
     # Errors that differ by less than rounding count as equal, and then the first comes first.
-    return sorted(kept, key=lambda plane: round(plane.error * 2.0**14))
+    return sorted(kept, key=lambda plane: round(plane.error * 2.0**14))[:_MOST_PLANES]
