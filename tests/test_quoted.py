@@ -13,7 +13,7 @@ from texbake.mesh.materials import read_materials
 from texbake.rendering.scene.read import read_scene
 
 LONG = "A" * 3000
-MOST = 400  # characters of a message: two quotes, and what is said about them
+MOST = 420  # characters of a message: two quotes, and what is said about them
 DOCUMENT = {
     "asset": {"version": "2.0"},
     "extensionsRequired": ["KHR_lights_punctual"],

@@ -96,7 +96,8 @@ def test_objects_whose_names_pair_up_are_each_baked_from_their_match(name):
     ("place", "warning"),
     [(lambda uvs: uvs + 5.0, "1_low covers no texel of the maps"),
      (lambda uvs: uvs * 0.0 + 0.5, "1_low covers no texel of the maps"),
-     (lambda uvs: 0.9 - 0.8 * uvs, "texels are covered by more than one part")],
+     (lambda uvs: 0.1 + 0.8 * (uvs - uvs.min(0)) / np.ptp(uvs, 0),
+      "texels are covered by more than one part")],
     ids=["outside", "point", "overlap"],
 )  # fmt: skip
 def test_coordinates_of_one_object_that_are_at_fault_are_named(place, warning):

@@ -202,7 +202,7 @@ def test_searches_among_triangles_that_overlap_are_bounded(monkeypatch):
     monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1000.0 * many)
     monkeypatch.setattr(distance, "_BOXES_AT_A_POINT", 0.0)
     found = distance.surface_distance(ball, mesh, n_samples=5000)
-    assert searched[0] in (999, 1000) and searched[2] == 5000
+    assert searched[0] in (999, 1000) and max(searched[:3]) <= 1000 and searched[3] == 5000
     monkeypatch.setattr(distance, "_BOXES_ALLOWED", 1e99)
     expected = distance.surface_distance(ball, mesh, n_samples=5000)
     np.testing.assert_allclose(found.a_to_b.mean, expected.a_to_b.mean, rtol=0.1)

@@ -60,6 +60,11 @@ def plain(ball):
     return finish(*ball, **SMALL)
 
 
+def notes(done):
+    """Warnings but of thin triangles between the 64 texels of a side."""
+    return [warning for warning in done.warnings if "own no texel" not in warning]
+
+
 def by_height(points, normals):
     return np.repeat((points[:, 1:2] + 2.0) / 4.0, 3, axis=1)
 
@@ -68,7 +73,7 @@ def test_a_raw_mesh_becomes_a_model_with_maps(plain, ball, tmp_path):
     assert plain.mesh.n_faces <= 300 and plain.mesh.uvs is not None
     assert set(plain.maps) == {"normal", "displacement"}
     assert repr(plain) == "<Finished mesh: 5,120 to 300 faces, normal, displacement>"
-    assert plain.warnings == [] and plain.report["faces"] == [5120, 300]
+    assert notes(plain) == [] and plain.report["faces"] == [5120, 300]
     path = plain.write(tmp_path / "ball.glb")
     again = texbake.read_mesh(path)
     np.testing.assert_allclose(np.sort(again.bounds), np.sort(plain.mesh.bounds), rtol=1e-6)
@@ -217,8 +222,8 @@ def test_values_that_were_clipped_are_counted_in_a_warning(ball):
     def finished(value):
         return finish(*ball, **SMALL, sample=lambda p, n: np.full((len(p), 1), value))
 
-    assert finished(1.0 + 1e-4).warnings == []
-    (warning,) = finished(1.5).warnings
+    assert notes(finished(1.0 + 1e-4)) == []
+    (warning,) = notes(finished(1.5))
     assert warning.endswith(" values of base-color were out of range and clipped")
 
 

@@ -158,7 +158,7 @@ def test_simplified_and_sharp_sheets_keep_their_boundary():
     options = RemeshOptions(resolution=64, surface="open", sharp_edges=True)
     result, report = remesh_with_report(box, options)
     assert figures(result) == (1, 1)
-    assert surface_distance(result, box).max < 0.35 * report.voxel
+    assert surface_distance(result, box).max < 0.4 * report.voxel
 
 
 def test_holes_of_sheets_are_filled_up_to_a_width():

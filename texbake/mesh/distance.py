@@ -196,7 +196,10 @@ def _one_sided(
     vertices = _some_vertices(positions, faces, n)
     of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
     farthest = np.argsort(-of_samples, kind="stable")[:_FARTHEST]
-    firsts = np.sort(np.unique(face_ids[farthest], return_index=True)[1])[:_FACES_OF_PEAKS]
+    n_peaks = _FACES_OF_PEAKS
+    if n < n_samples:  # the search is bounded
+        n_peaks = min(n_peaks, max(n // (3 * _POINTS_ON_AN_EDGE), 1))
+    firsts = np.sort(np.unique(face_ids[farthest], return_index=True)[1])[:n_peaks]
     of_peaks, _, _ = tree.closest_points(
         _points_on_edges(positions, faces[face_ids[farthest[firsts]]]), threads=threads
     )

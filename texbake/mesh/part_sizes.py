@@ -86,8 +86,10 @@ def _steps(mesh: Mesh, places: IntArray) -> Int64Array:
     for corner in range(3):
         np.minimum.at(low, part_of, mesh.positions[mesh.faces[:, corner]])
         np.maximum.at(high, part_of, mesh.positions[mesh.faces[:, corner]])
-    sizes = pm.norm(high - low, axis=1)
-    times = mesh.diagonal / np.where(sizes > 0.0, sizes, mesh.diagonal or 1.0)
+    extents = high.max(axis=0) - low.min(axis=0)
+    unit = float(extents.max()) or 1.0  # so that no square leaves the range of float64
+    diagonal, sizes = float(pm.norm(extents / unit)), pm.norm((high - low) / unit, axis=1)
+    times = np.maximum(diagonal / np.where(sizes > 0.0, sizes, diagonal or 1.0), 1.0)
     powers = np.rint(_ROOT / pm.log(_STEP) * pm.log(times)).astype(np.int64)
     steps = np.zeros(mesh.n_vertices, np.int64)
     steps[corners] = np.clip(powers, 0, _MOST_STEPS)[part_of][:, np.newaxis]
