@@ -188,21 +188,27 @@ def _material(rng, folder):
             strength=_slot(rng, folder, "specular"), size=8,
             environment=_pick(rng, ("scene", "scene", "rendered")),
         ),
-        "transmission": lambda: Transmission(
-            strength=_slot(rng, folder, "roughness"),
-            thickness=_pick(rng, (0.0, _slot(rng, folder, "roughness"))),
-            attenuation_color=tuple(rng.uniform(0.0, 1.0, 3).tolist()),
-            attenuation_distance=_pick(rng, (None, _number(rng, 0.1, 2.0))),
-        ),
         "projected": lambda: tuple(_picture(rng, folder) for _ in range(rng.integers(1, 3))),
     }  # fmt: skip
     chosen |= {name: make() for name, make in makers.items() if rng.random() < 0.2}
+    (own,) = rng.spawn(1)  # so that all else is drawn as without it
+    if own.random() < 0.2:
+        chosen["transmission"] = _transmission(own, folder)
     return Material(
         shading=_pick(rng, SHADINGS), alpha_mode=_pick(rng, ALPHA_MODES),
         shading_rate=SHADING_RATES[int(rng.random() < 0.2)],
         vertex_colors=bool(rng.random() < 0.3), occlusion_strength=_number(rng, 0.2, 1.0),
         double_sided=_pick(rng, (None, True, False)), **chosen,
     )  # fmt: skip
+
+
+def _transmission(rng, folder):
+    return Transmission(
+        strength=_slot(rng, folder, "roughness"),
+        thickness=_pick(rng, (0.0, _slot(rng, folder, "roughness"))),
+        attenuation_color=tuple(rng.uniform(0.0, 1.0, 3).tolist()),
+        attenuation_distance=_pick(rng, (None, float(rng.uniform(0.1, 2.0)))),
+    )
 
 
 def _picture(rng, folder):
