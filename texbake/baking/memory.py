@@ -31,22 +31,30 @@ STREAMED_CHUNKS = (1 << 17, 1 << 21)
 # More chunks only take longer: their trees are already small compared with the mesh.
 MOST_CHUNKS = 8
 
-_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kmgt]?)i?b?", re.IGNORECASE)
-_UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
+_SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*([kmgt]?)(i?)b?", re.IGNORECASE)
+_PREFIXES = ("", "k", "m", "g", "t")
 
 
-def parse_bytes(text: str | int) -> int:
-    """Parse an amount of memory; return bytes.
+def parse_bytes(
+    text: str | int,
+    *,
+    option: str = "max_memory",
+    what: str = "an amount of memory",
+    example: str = "8G",
+    thousand: int = 1024,
+) -> int:
+    """Parse a number of bytes; `thousand` is what k means without an i.
 
     >>> parse_bytes("1.5G"), parse_bytes("512 MiB"), parse_bytes(4096)
     (1610612736, 536870912, 4096)
     """
     found = _SIZE.fullmatch(str(text).strip())
-    amount = 0 if found is None else int(float(found[1]) * _UNITS[found[2].lower()])
+    amount = 0
+    if found is not None:
+        step = 1024 if found[3] else thousand
+        amount = int(float(found[1]) * step ** _PREFIXES.index(found[2].lower()))
     if amount < 1:
-        raise OptionError(
-            f"max_memory: {quoted(text)} is not an amount of memory; give one such as 8G"
-        )
+        raise OptionError(f"{option}: {quoted(text)} is not {what}; give one such as {example}")
     return amount
 
 

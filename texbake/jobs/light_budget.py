@@ -44,7 +44,7 @@ _QUALITIES = (15, 35, 60, 75, 85, 90)
 _LEAST_SIDE = 64
 _GROWTH = 2.5  # bytes of an image over those of half its side, at least
 # Weights of the squared errors of codes: chosen, not measured.
-_WEIGHTS = {"color": 1.0, "normal": 0.25, "other": 0.15}
+_COLOR, _NORMAL, _OTHER = 1.0, 0.25, 0.15
 _MOST_BYTES = 1 << 40
 
 
@@ -193,7 +193,7 @@ class Budget:
             data = encode_image(codes, encoding, quality=quality, is_color=picture.is_color)
             made = decoded(data, codes.shape[2])
             error = _squared(made, codes, picture.is_cut) + self._error_of(picture, side)
-            self._codings[key] = _Coding(data, _WEIGHTS[_kind(picture)] * error)
+            self._codings[key] = _Coding(data, _weight(picture) * error)
         return self._codings[key]
 
     def _error_of(self, picture: Picture, side: int) -> float:
@@ -207,12 +207,8 @@ class Budget:
         return self._of_sides[key]
 
 
-def _kind(picture: Picture) -> str:
-    if picture.is_color:
-        return "color"
-    # Normals point outwards nearly everywhere, so that blue is high.
-    red, _, blue = (int(np.median(picture.codes[::8, ::8, i])) for i in range(3))
-    return "normal" if blue > 200 and 96 < red < 160 else "other"
+def _weight(picture: Picture) -> float:
+    return _COLOR if picture.is_color else _NORMAL if picture.is_normal else _OTHER
 
 
 def _squared(one: npt.NDArray[Any], other: npt.NDArray[Any], is_cut: bool) -> float:

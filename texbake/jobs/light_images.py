@@ -8,7 +8,6 @@ count by it.
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from pathlib import Path
@@ -17,12 +16,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import portable_math as pm
 from texbake.errors import require_library
 from texbake.mesh.files.conversion import media_type
 from texbake.mesh.materials import CHANNELS, ChannelImage, Materials
 from texbake.parallel import run_bands
 from texbake.records import dataclass
+from texbake.rendering.compare_models import psnr_db
 from texbake.texture.encoding import decode_srgb, quantize_srgb, quantize_unsigned
 from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
 from texbake.texture.material_images import image_codes
@@ -42,13 +41,14 @@ _READ_WITH = {
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """An image of a model before it is coded."""
+    """An image of a model before it is encoded."""
 
     name: str  # as in `ChannelImage`
     codes: Codes  # (H, W, 3 or 4)
     is_color: bool  # whether red, green and blue are coded in sRGB
     file: bytes = field(default=b"", repr=False)  # that it comes from, if it comes from one
     is_cut: bool = False  # whether alpha hides colors wherever the image is shown
+    is_normal: bool = False  # whether red, green and blue are the components of normals
     _smaller: dict[int, Codes] = field(default_factory=dict, repr=False)
 
     @property
@@ -89,8 +89,7 @@ def squared_errors(
 
 def psnr(one: Codes, other: Codes, *, is_cut: bool = False) -> float:
     """PSNR of 8-bit codes in dB, of colors or of alpha, whichever is less; infinite for equal."""
-    error = max(squared_errors(one, other, is_cut=is_cut))
-    return math.inf if error == 0.0 else 10.0 * pm.log10(255.0**2 / error)
+    return psnr_db(max(squared_errors(one, other, is_cut=is_cut)), 1)
 
 
 def decoded(data: bytes, n_components: int) -> Codes:
@@ -146,6 +145,7 @@ def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Pi
                 np.asarray(codes, np.uint8),
                 is_color,
                 image.data,
+                is_normal=channel == "normal",
                 is_cut=image.name in cut and codes.shape[2] == 4,
             )
     return tuple(found.values())

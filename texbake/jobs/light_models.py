@@ -110,11 +110,13 @@ class Source:
 
     def write(self, light_model: LightModel, materials: Materials, path: PathLike) -> Rig | None:
         """Write a lightened model; return the nodes of its file and what moves, if they stay."""
-        options, rig = self.options, self.rig
-        if rig is not None and (options.join or not rig.fits(light_model.mesh)):
+        options, rig, mesh = self.options, self.rig, light_model.mesh
+        if options.join:
+            mesh = mesh.replace(face_groups=None, group_names=(), group_objects=())
+        if rig is not None and (options.join or not rig.fits(mesh)):
             rig = None
         write_glb(
-            light_model.mesh,
+            mesh,
             path,
             materials=materials,
             compress=options.compress,
@@ -171,8 +173,6 @@ class Source:
                     low = with_source_normals(low, high, threads=threads)
             if rule.choice != "auto":
                 low = with_normals(low, rule.choice, angle=rule.angle)
-            if options.join:
-                low = low.replace(face_groups=None, group_names=(), group_objects=())
         baked, size = None, None
         if report is not None and _is_atlas(low, threads):
             low_poly = reaching(low, report)
@@ -229,6 +229,7 @@ class Source:
         )
 
         materials, options, stages = self.materials, self.options, self.stages
+        stem = Path(self.mesh.name).stem
         with stages.part("simplify"):
             high, rule, notes = self._oriented()
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
@@ -250,15 +251,15 @@ class Source:
             made |= {**layout, "warnings": lines}
 
         def keep(name: str, codes: npt.NDArray[np.uint8], is_color: bool) -> bytes:
-            pictures.append(Picture(name, codes, is_color))
+            pictures.append(Picture(name, codes, is_color, is_normal=name == f"{stem}_normal"))
             return b""
 
         channels = encoded_channels(
-            {} if baked is None else baked.maps, materials, Path(self.mesh.name).stem,
-            encode=keep, threads=options.threads,
+            {} if baked is None else baked.maps, materials, stem, encode=keep,
+            threads=options.threads,
         )  # fmt: skip
         shared = shared_materials(
-            low, self.mesh, materials, channels, Path(self.mesh.name).stem, threads=options.threads
+            low, self.mesh, materials, channels, stem, threads=options.threads
         )
         return LightModel(
             mesh=low, materials=shared, pictures=tuple(pictures), simplified=simplified, **made
@@ -295,8 +296,6 @@ class Source:
             if chosen.front is None and are_few:  # otherwise they miss what fills the tunnels
                 baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
             check_texels(low, baked)
-        if options.join:
-            low = low.replace(face_groups=None, group_names=(), group_objects=())
         figures = {
             "size": (chosen.width_px, chosen.height_px),
             "unwrapped": unwrapped,

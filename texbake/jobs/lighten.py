@@ -1,8 +1,8 @@
 """A model made smaller: fewer triangles and bytes of images, all channels of its materials.
 
-Texture coordinates that are an atlas stay, and so do the images; others are made again:
+Texture coordinates that are an atlas stay, and so do the images; a model without one is unwrapped:
 
-    model ─ simplify ─┬──────────► bake normals ───────┬─ code images ─► one GLB file
+    model ─ simplify ─┬──────────► bake normals ───────┬─ encode images ─► one GLB file
                       └─ unwrap ─► bake every channel ─┘
 
 With a target size, this is repeated for several numbers of triangles; see `Budget`.
@@ -208,18 +208,14 @@ def _coded(light_model: LightModel, options: LightenOptions) -> Materials:
 
 
 def _image_names(materials: Materials) -> tuple[str, ...]:
-    sources = (source for each in materials.materials for source in each.channels.values())
-    return tuple(
-        dict.fromkeys(
-            found.image.name.rpartition(": ")[2] for found in sources if found.image is not None
-        )
-    )
+    images = (image for each in materials.materials for image in each.images)
+    return tuple(dict.fromkeys(image.name.rpartition(": ")[2] for image in images))
 
 
 def _images(materials: Materials) -> Iterable[bytes]:
     """Return the contents of the images of materials, each once."""
-    channels = (source for each in materials.materials for source in each.channels.values())
-    return {found.image.name: found.image.data for found in channels if found.image}.values()
+    images = (image for each in materials.materials for image in each.images)
+    return {image.name: image.data for image in images}.values()
 
 
 def _once(lines: list[str], comparison: ModelComparison | None) -> tuple[str, ...]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Annotated
 
+from texbake.baking.memory import parse_bytes
 from texbake.baking.options import PADDING_OPTION, BakeOptions
-from texbake.errors import OptionError, quoted
+from texbake.errors import OptionError
 from texbake.mapping.options import PADDING_DEFAULT
 from texbake.mesh.options import (
     ANGLE_OPTION,
@@ -27,29 +28,6 @@ ENCODINGS = ("webp", "jpeg", "png")
 # Of the triangles, where no number is given, and how many at least: 5,000 compressed triangles take
 # less than an image of 1024 x 1024 texels does.
 SHARE, LEAST_FACES = 0.1, 5000
-
-
-_UNITS = {"": 1, "b": 1, "kb": 1000, "mb": 1000**2, "kib": 1024, "mib": 1024**2}
-
-
-def parse_size(value: str | int) -> int:
-    """Return the bytes of a size of a file.
-
-    >>> parse_size("500kB"), parse_size("1.5 MB"), parse_size(4096)
-    (500000, 1500000, 4096)
-    """
-    text = str(value).strip().lower()
-    number = text.rstrip("bikm ")
-    unit = _UNITS.get(text[len(number) :].strip())
-    try:
-        found = int(float(number) * (unit or 0))
-    except (ValueError, OverflowError):
-        found = 0
-    if found <= 0:
-        raise OptionError(
-            f"target_size: {quoted(str(value))} is not a size of a file; give one such as 500kB"
-        )
-    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,9 +112,7 @@ class LightenOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_angle(self.normals, self.angle)
-        if self.target_size is not None:
-            parse_size(self.target_size)
-        if self.target_size is not None and self.image_quality is not None:
+        if self.target_bytes is not None and self.image_quality is not None:
             raise OptionError(
                 "image_quality: `target_size` chooses a quality for each image; "
                 "leave one of them out"
@@ -145,7 +121,12 @@ class LightenOptions(CheckedOptions):
     @property
     def target_bytes(self) -> int | None:
         """Greatest size of the file."""
-        return None if self.target_size is None else parse_size(self.target_size)
+        if self.target_size is None:
+            return None
+        return parse_bytes(
+            self.target_size, option="target_size", what="a size of a file", example="500kB",
+            thousand=1000,
+        )  # fmt: skip
 
     @property
     def sides(self) -> tuple[int, int]:

@@ -117,8 +117,8 @@ def compare_models(
             errors.append((float((apart**2).sum()), apart.size))
             advance(1)
     return ModelComparison(
-        psnr_db=tuple(_psnr(total, count) for total, count in errors),
-        mean_db=_psnr(sum(total for total, _ in errors), sum(count for _, count in errors)),
+        psnr_db=tuple(psnr_db(total, count) for total, count in errors),
+        mean_db=psnr_db(sum(total for total, _ in errors), sum(count for _, count in errors)),
         views=views,
         before=tuple(pictures[0]),
         after=tuple(pictures[1]),
@@ -168,7 +168,8 @@ def _codes(frame: Frame) -> Picture:
     return np.asarray(quantize_srgb(frame.color[..., :3], 8), np.uint8)
 
 
-def _psnr(total: float, count: int) -> float:
+def psnr_db(total: float, count: int) -> float:
+    """PSNR in dB of 8-bit codes by the sum of their squared differences; infinite for equal."""
     return math.inf if total == 0.0 else 10.0 * pm.log10(255.0**2 * count / total)
 
 

@@ -134,11 +134,10 @@
     });
     return made;
   };
-  const eye = {}, window2d = {};
+  const window2d = {};
+  const orbit = texbake.orbit(settings, function () { return control("up").value === "y"; });
   const home = function () {
-    [eye.azimuth, eye.elevation] = settings.view;
-    eye.zoom = 1;
-    eye.target = new THREE.Vector3(...settings.center);
+    orbit.home();
     const sides = settings.sides.map(function (side) { return side / Math.max(...settings.sides); });
     const low = settings.low.map(function (value, k) { return Math.min(value, 0) * sides[k]; });
     const high = settings.high.map(function (value, k) { return Math.max(value, 1) * sides[k]; });
@@ -154,30 +153,16 @@
     flatCamera.updateProjectionMatrix();
     return 2 * unit;
   };
-  const camera = new THREE.PerspectiveCamera(settings.fov, 1, 0.01, 10);
   const placeSolid = function (made) {
-    const a = eye.azimuth * Math.PI / 180, e = eye.elevation * Math.PI / 180, isY = control("up").value === "y";
-    const across = Math.sin(a) * Math.cos(e), along = Math.cos(a) * Math.cos(e), above = Math.sin(e);
-    const back = isY ? new THREE.Vector3(across, above, along) : new THREE.Vector3(across, -along, above);
-    const half = Math.atan(Math.tan(settings.fov * Math.PI / 360) * Math.min(1, made.width / made.height));
-    const distance = 1.03 * settings.radius / Math.sin(half) / eye.zoom;
-    camera.aspect = made.width / made.height;
-    camera.near = Math.max(distance - 2 * settings.radius, 0.01 * distance);
-    camera.far = distance + 3 * settings.radius;
-    camera.up.set(0, isY ? 1 : 0, isY ? 0 : 1);
-    camera.position.copy(eye.target).addScaledVector(back, distance);
-    camera.lookAt(eye.target);
-    camera.updateProjectionMatrix();
-    camera.updateMatrixWorld();
-    shared.toEye.value.copy(back);
-    return 2 * distance * Math.tan(settings.fov * Math.PI / 360) / made.height;
+    orbit.place(made.width, made.height);
+    shared.toEye.value.copy(orbit.back);
   };
   control("up").value = settings.up;
   home();
   let flat, solid;
   try {
     flat = view("flat", scene(corners, lines[0], false), flatCamera, placeFlat);
-    solid = view("solid", scene(places, lines[1], true), camera, placeSolid);
+    solid = view("solid", scene(places, lines[1], true), orbit.camera, placeSolid);
   } catch (error) {
     section.querySelector(".failure").hidden = false;
     section.dataset.state = "failed";
@@ -215,23 +200,15 @@
     window2d.y += dy * size;
     flat.redraw();
   };
-  const turn = function (dx, dy) {
-    eye.azimuth -= dx;
-    eye.elevation = Math.max(-89, Math.min(89, eye.elevation + dy));
-    solid.redraw();
-  };
-  const pan = function (dx, dy) {
-    const size = placeSolid(solid);
-    eye.target.add(new THREE.Vector3(-dx * size, dy * size, 0).applyQuaternion(camera.quaternion));
-    solid.redraw();
-  };
+  const turn = function (across, above) { orbit.turn(across, above); solid.redraw(); };
+  const pan = function (dx, dy) { orbit.pan(dx, dy, solid.width, solid.height); solid.redraw(); };
   const zooms = {
     flat: function (factor) { window2d.half = Math.max(0.002, Math.min(20, window2d.half / factor)); flat.redraw(); },
-    solid: function (factor) { eye.zoom = Math.max(0.3, Math.min(60, eye.zoom * factor)); solid.redraw(); },
+    solid: function (factor) { orbit.zoom(factor); solid.redraw(); },
   };
   texbake.dragged(flat.canvas, move, zooms.flat);
   texbake.dragged(solid.canvas, function (dx, dy, pans) {
-    if (pans) pan(dx, dy); else turn(0.4 * dx, 0.4 * dy);
+    if (pans) pan(dx, dy); else turn(-0.4 * dx, 0.4 * dy);
   }, zooms.solid);
   for (const [name, made] of [["flat", flat], ["solid", solid]]) {
     let pressed = null;
@@ -247,18 +224,11 @@
       pressed = null;
       if (still) keep(made.chartAt(event.offsetX, event.offsetY));
     });
-    made.canvas.addEventListener("keydown", function (event) {
-      const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
-      if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (arrow && name === "flat") move(-40 * arrow[0], 40 * arrow[1]);
-      else if (arrow && event.shiftKey) pan(-20 * arrow[0], 20 * arrow[1]);
-      else if (arrow) turn(5 * arrow[0], 5 * arrow[1]);
-      else if (event.key === "+" || event.key === "=") zooms[name](1.15);
-      else if (event.key === "-") zooms[name](1 / 1.15);
-      else if (event.key === "Home") { home(); redraw(); }
-      else return;
-      event.preventDefault();
-    });
+    texbake.steered(made.canvas, function (right, up, isShifted) {
+      if (name === "flat") move(-40 * right, 40 * up);
+      else if (isShifted) pan(-20 * right, 20 * up);
+      else turn(5 * right, 5 * up);
+    }, zooms[name], function () { home(); redraw(); });
   }
   section.addEventListener("input", function () {
     const mode = section.querySelector('[name="color"]:checked').value;

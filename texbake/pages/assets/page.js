@@ -99,6 +99,60 @@ var texbake = {
     }, { passive: false });
   },
 
+  // A camera that turns about a point, at which settings.view, center, radius and fov place it.
+  orbit: function (settings, isYUp) {
+    const camera = new THREE.PerspectiveCamera(settings.fov, 1, 0.01, 10);
+    const orbit = { camera: camera, back: new THREE.Vector3() };
+    let azimuth, elevation, zoom, target;
+    orbit.home = function () {
+      [azimuth, elevation] = settings.view;
+      zoom = 1;
+      target = new THREE.Vector3(...settings.center);
+    };
+    // Places the camera for a picture; returns the length that a pixel covers at the center.
+    orbit.place = function (width, height) {
+      const a = azimuth * Math.PI / 180, e = elevation * Math.PI / 180, isY = isYUp();
+      const across = Math.sin(a) * Math.cos(e), along = Math.cos(a) * Math.cos(e), above = Math.sin(e);
+      if (isY) orbit.back.set(across, above, along); else orbit.back.set(across, -along, above);
+      const slope = Math.tan(settings.fov * Math.PI / 360), half = Math.atan(slope * Math.min(1, width / height));
+      const distance = 1.03 * settings.radius / Math.sin(half) / zoom;
+      camera.aspect = width / height;
+      camera.near = Math.max(distance - 2 * settings.radius, 0.01 * distance);
+      camera.far = distance + 3 * settings.radius;
+      camera.up.set(0, isY ? 1 : 0, isY ? 0 : 1);
+      camera.position.copy(target).addScaledVector(orbit.back, distance);
+      camera.lookAt(target);
+      camera.updateProjectionMatrix();
+      camera.updateMatrixWorld();
+      return 2 * distance * slope / height;
+    };
+    orbit.turn = function (across, above) {
+      azimuth += across;
+      elevation = Math.max(-89, Math.min(89, elevation + above));
+    };
+    orbit.pan = function (dx, dy, width, height) {
+      const size = orbit.place(width, height);
+      target.add(new THREE.Vector3(-dx * size, dy * size, 0).applyQuaternion(camera.quaternion));
+    };
+    orbit.zoom = function (factor) { zoom = Math.max(0.3, Math.min(60, zoom * factor)); };
+    orbit.home();
+    return orbit;
+  },
+
+  // Keys: arrow(right, up, isShifted), zoom(factor), home().
+  steered: function (canvas, arrow, zoom, home) {
+    canvas.addEventListener("keydown", function (event) {
+      const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      if (step) arrow(step[0], step[1], event.shiftKey);
+      else if (event.key === "+" || event.key === "=") zoom(1.15);
+      else if (event.key === "-") zoom(1 / 1.15);
+      else if (event.key === "Home") home();
+      else return;
+      event.preventDefault();
+    });
+  },
+
   copy: async function (button) {
     const source = document.getElementById(button.dataset.copies), label = button.textContent;
     try {

@@ -19,7 +19,8 @@
   section.querySelector(".still").hidden = true;
   renderer.autoClear = false;
   const dark = new THREE.Color(0x26292d), light = new THREE.Vector3();
-  const camera = new THREE.PerspectiveCamera(settings.fov, 1, 0.01, 10);
+  const orbit = texbake.orbit(settings, function () { return control("up").value === "y"; });
+  const camera = orbit.camera;
 
   // ---- meshes
   const direction = function (values, width, row, steps, out) {
@@ -236,37 +237,13 @@
 
   // ---- the camera
   let width = 1, height = 1, ratio = 1, asked = false;
-  const eye = {};
-  const home = function () {
-    [eye.azimuth, eye.elevation] = settings.view;
-    eye.zoom = 1;
-    eye.target = new THREE.Vector3(...settings.center);
-  };
-  const axes = function () {
-    const a = eye.azimuth * Math.PI / 180, e = eye.elevation * Math.PI / 180;
-    const across = Math.sin(a) * Math.cos(e), along = Math.cos(a) * Math.cos(e), above = Math.sin(e);
-    return control("up").value === "y"
-      ? [new THREE.Vector3(across, above, along), new THREE.Vector3(0, 1, 0)]
-      : [new THREE.Vector3(across, -along, above), new THREE.Vector3(0, 0, 1)];
-  };
   const placeCamera = function () {
-    const [back, up] = axes(), narrow = Math.min(1, width / height);
-    const half = Math.atan(Math.tan(settings.fov * Math.PI / 360) * narrow);
-    const distance = 1.03 * settings.radius / Math.sin(half) / eye.zoom;
-    camera.aspect = width / height;
-    camera.near = Math.max(distance - 2 * settings.radius, 0.01 * distance);
-    camera.far = distance + 3 * settings.radius;
-    camera.up.copy(up);
-    camera.position.copy(eye.target).addScaledVector(back, distance);
-    camera.lookAt(eye.target);
-    camera.updateProjectionMatrix();
-    camera.updateMatrixWorld();
+    orbit.place(width, height);
     const turn = Number(control("light").value) * Math.PI / 180;
     light.set(Math.sin(turn) * 0.8, 0.55, Math.cos(turn) * 0.8).normalize();
     light.applyQuaternion(camera.quaternion);
     shared.toEye.value.copy(camera.position);
-    shared.up.value.copy(up);
-    return 2 * distance * Math.tan(settings.fov * Math.PI / 360) / height;
+    shared.up.value.copy(camera.up);
   };
 
   const half = function (name, x, across) {
@@ -306,20 +283,10 @@
   };
 
   // ---- what the reader does
-  const turn = function (azimuth, elevation) {
-    eye.azimuth += azimuth;
-    eye.elevation = Math.max(-89, Math.min(89, eye.elevation + elevation));
-    redraw();
-  };
-  const move = function (dx, dy) {
-    const size = placeCamera();
-    eye.target.add(new THREE.Vector3(-dx * size, dy * size, 0).applyQuaternion(camera.quaternion));
-    redraw();
-  };
-  const zoom = function (factor) {
-    eye.zoom = Math.max(0.3, Math.min(60, eye.zoom * factor));
-    redraw();
-  };
+  const turn = function (azimuth, elevation) { orbit.turn(azimuth, elevation); redraw(); };
+  const move = function (dx, dy) { orbit.pan(dx, dy, width, height); redraw(); };
+  const zoom = function (factor) { orbit.zoom(factor); redraw(); };
+  const home = function () { orbit.home(); redraw(); };
   const wipeTo = function (x) {
     control("wipe").value = 1000 * x / width;
     redraw();
@@ -327,18 +294,9 @@
   texbake.dragged(canvas, function (dx, dy, pans) {
     if (pans) move(dx, dy); else turn(-0.4 * dx, 0.4 * dy);
   }, zoom);
-  canvas.addEventListener("keydown", function (event) {
-    const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const arrow = arrows[event.key];
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    if (arrow && event.shiftKey) move(-20 * arrow[0], 20 * arrow[1]);
-    else if (arrow) turn(5 * arrow[0], 5 * arrow[1]);
-    else if (event.key === "+" || event.key === "=") zoom(1.15);
-    else if (event.key === "-") zoom(1 / 1.15);
-    else if (event.key === "Home") { home(); redraw(); }
-    else return;
-    event.preventDefault();
-  });
+  texbake.steered(canvas, function (right, up, isShifted) {
+    if (isShifted) move(-20 * right, 20 * up); else turn(5 * right, 5 * up);
+  }, zoom, home);
   const divider = section.querySelector(".divider");
   divider.addEventListener("pointerdown", function (event) {
     divider.setPointerCapture(event.pointerId);
@@ -374,13 +332,12 @@
     redraw();
   };
   section.addEventListener("input", choose);
-  control("home").addEventListener("click", function () { home(); redraw(); });
+  control("home").addEventListener("click", home);
   control("up").value = settings.up;
   if (!normals) {
     settings.labels.baked += maps.length ? "; there is no normal map" : "";
     control("surface").value = maps.length ? maps[0].name : "lit";
   }
-  home();
   await choose();
   texbake.fitted(canvas, function (w, h, r) {
     [width, height, ratio] = [w, h, r];
