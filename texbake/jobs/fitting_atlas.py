@@ -12,7 +12,6 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.unwrap import UnwrapReport, unwrap_with_report
 from texbake.mesh.mesh import Mesh
 from texbake.progress import Progress
-from texbake.schema import Size
 
 _GREATEST = 8192
 _LEAST_PADDING = 1
@@ -29,8 +28,7 @@ def share_without_texel(mesh: Mesh, size: tuple[int, int], *, threads: int | Non
 
 def unwrap_to_fit(
     mesh: Mesh,
-    size: Size,
-    padding: int | None,
+    options: UnwrapOptions,
     *,
     may_grow: bool,
     threads: int | None = None,
@@ -41,8 +39,7 @@ def unwrap_to_fit(
     Without a padding of its own, charts come closer; if it `may_grow`, the texture gets larger.
     Raises `UvError` with the size that does where neither is allowed or enough.
     """
-    options = UnwrapOptions(size=size, padding=padding, seams_at_hard_edges=True)
-    asked = options.width_px, options.height_px
+    padding, asked = options.padding, (options.width_px, options.height_px)
     charted: Mesh | None = None
     failure: UnwrapError | None = None
     for times in (1, 2, 4, 8):

@@ -20,7 +20,7 @@ from texbake.jobs.light_images import Picture, pictures_of
 from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mapping.options import DEFAULT_PADDING
+from texbake.mapping.options import DEFAULT_PADDING, UnwrapOptions
 from texbake.mapping.overlap import find_overlaps, layout_notes
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals, with_normals
@@ -280,9 +280,12 @@ class Source:
         size: Size = options.size or texture_size(self.materials, LEAST_SIZE, MOST_SIZE)
         with self.stages.part("unwrap"):
             low, unwrapped, notes = unwrap_to_fit(
-                low, size, options.padding, may_grow=options.size is None,
-                threads=options.threads, progress=self.progress,
-            )  # fmt: skip
+                low,
+                UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True),
+                may_grow=options.size is None,
+                threads=options.threads,
+                progress=self.progress,
+            )
             low = rule.after_unwrap(low)
         atlas = unwrapped.options
         with self.stages.part("bake"):

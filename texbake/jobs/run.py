@@ -254,9 +254,8 @@ def make_asset(
         )
     low = rule.before_unwrap(low_poly.mesh.replace(name=low_name))
     with stages.part("unwrap"):
-        layout = options.unwrap_options()
         low, unwrapped, _ = unwrap_to_fit(
-            low, layout.size, layout.padding, may_grow=False, threads=threads, progress=progress
+            low, options.unwrap_options(), may_grow=False, threads=threads, progress=progress
         )
         low = rule.after_unwrap(low)
     with stages.part("levels") if options.levels else nullcontext():
