@@ -22,6 +22,7 @@ from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import RunOptions
+from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
@@ -435,7 +436,7 @@ def test_a_number_of_triangles_that_cannot_be_reached_is_an_error(tmp_path, uvs)
 def test_why_no_atlas_can_be_made_is_said_and_not_that_charts_are_small():
     flat = uv_sphere(6, 12).replace(positions=np.zeros((uv_sphere(6, 12).n_vertices, 3)))
     with pytest.raises(UnwrapError, match="faces has an area"):
-        unwrap_to_fit(flat, 64, None, may_grow=True)
+        unwrap_to_fit(flat, UnwrapOptions(size=64, padding=None), may_grow=True)
 
 
 def test_no_warning_says_that_a_skin_which_stays_was_left_out(tmp_path):

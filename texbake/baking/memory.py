@@ -52,7 +52,8 @@ def parse_bytes(
     amount = 0
     if found is not None:
         step = 1024 if found[3] else thousand
-        amount = int(float(found[1]) * step ** _PREFIXES.index(found[2].lower()))
+        power = _PREFIXES.index(found[2].lower())
+        amount = int(float(found[1]) * math.prod([step] * power))
     if amount < 1:
         raise OptionError(f"{option}: {quoted(text)} is not {what}; give one such as {example}")
     return amount
