@@ -280,12 +280,14 @@ def _connected_charts(
         why = "its faces do not mirror each other one by one"
     weights = _weights(surface, options, stages)
     charts = _cut(mesh, surface, options, stages, weights)
-    # Where no chart meets another, there is no border that a mirror image could differ from.
-    apart = charts.n_charts == face_components(surface.joints[0], len(surface.points))[1]
-    if halves is not None and options.quality != "fast" and not apart:
-        charts = _mirrored(mesh, surface, halves, charts, options, stages, weights)
-    elif options.quality != "fast":
-        charts = _improved(mesh, surface, charts, options, stages, weights)
+    if options.quality != "fast":
+        # Where no chart meets another, there is no border that a mirror image could differ from.
+        if (
+            halves is not None
+            and charts.n_charts == face_components(surface.corners, len(surface.points))[1]
+        ):
+            halves = None
+        charts = _improved(mesh, surface, charts, options, stages, weights, halves)
     charts = _bounded(surface, charts, options, stages)
     note = (f"no charts share texels, because {why}",) if overlaps else ()
     return replace(charts, notes=(*charts.notes, *note))
@@ -309,22 +311,6 @@ def _cut(
             timeout=options.timeout,
             advance=advance,
         )
-
-
-def _mirrored(
-    mesh: Mesh,
-    surface: ChartSurface,
-    halves: Halves,
-    charts: Charts,
-    options: UnwrapOptions,
-    stages: Stages,
-    weights: FloatArray,
-) -> Charts:
-    """Carry the charts of one half to the other, and join them as mirror images."""
-    with stages.stage("mirror charts"):
-        charts = half_charts(mesh, surface, halves, charts, options.quality)
-    as_cut = chart_stretch(surface.points, mesh, charts)
-    return _joined(surface, charts, options, stages, weights, as_cut=as_cut, halves=halves)
 
 
 def _stacked_charts(
@@ -359,25 +345,17 @@ def _improved(
     options: UnwrapOptions,
     stages: Stages,
     weights: FloatArray,
-) -> Charts:
-    """Relax charts, join them as far as the stretch of the mesh allows, and straighten borders."""
-    as_cut = chart_stretch(surface.points, mesh, charts)
-    with stages.stage("relax charts"):
-        charts = relax_charts(surface, charts)
-    return _joined(surface, charts, options, stages, weights, as_cut=as_cut)
-
-
-def _joined(
-    surface: ChartSurface,
-    charts: Charts,
-    options: UnwrapOptions,
-    stages: Stages,
-    weights: FloatArray,
-    *,
-    as_cut: float,
     halves: Halves | None = None,
 ) -> Charts:
-    """Join charts as far as the stretch allows that they had `as_cut`, and straighten borders."""
+    """Relax or mirror charts, join them as far as stretch allows, and straighten their borders."""
+    if halves is None:
+        as_cut = chart_stretch(surface.points, mesh, charts)
+        with stages.stage("relax charts"):
+            charts = relax_charts(surface, charts)
+    else:
+        with stages.stage("mirror charts"):
+            charts = half_charts(mesh, surface, halves, charts, options.quality)
+        as_cut = chart_stretch(surface.points, mesh, charts)
     allowed = _BEST_STRETCH
     if options.quality == "good":
         room = _GOOD_ROOM if halves is None else _HALVES_ROOM
