@@ -30,28 +30,29 @@ class ChartSurface:
     faces: IntArray  # (F, 3) int32
     polygons: IntArray | None = None  # (F,) int32; triangles of one stay together if they can
     regions: IntArray | None = None  # (F,) int32; faces of different ones share no chart
-    seams: BoolArray | None = None  # (F, 3); edges at which charts are cut, and nowhere else
+    seams: BoolArray | None = None  # (F, 3); the only edges along which charts are cut
     threads: int | None = None
 
     @cached_property
+    def corners(self) -> IntArray:
+        """(F, 3) int32: vertices of the faces, equal at one place."""
+        return weld_rows(self.points, threads=self.threads)[self.faces]
+
+    @cached_property
     def joints(self) -> tuple[IntArray, npt.NDArray[np.bool_], IntArray]:
-        """Corners (F, 3) int32, equal at one place; (F,) faces of three; `opposite` of those."""
-        corners = weld_rows(self.points, threads=self.threads)[self.faces]
-        solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-        return corners, solid, self._opposite(corners, solid)
+        """The corners; (F,) faces with three different ones; `opposite` of those faces."""
+        solid = (self.corners != np.roll(self.corners, 1, axis=1)).all(axis=1)
+        return self.corners, solid, self.opposite(solid)
 
     def opposite(self, solid: npt.NDArray[np.bool_]) -> IntArray:
         """(3 F,) int32: `opposite_half_edges` of the `solid` faces."""
-        return self._opposite(weld_rows(self.points, threads=self.threads)[self.faces], solid)
-
-    def _opposite(self, corners: IntArray, solid: npt.NDArray[np.bool_]) -> IntArray:
         opposite = opposite_half_edges(
-            corners, solid=solid, regions=self.regions, polygons=self.polygons
+            self.corners, solid=solid, regions=self.regions, polygons=self.polygons
         )
         return opposite if self.seams is None else np.where(self.seams.ravel(), -1, opposite)
 
     def kept_whole(self, protected: BoolArray) -> ChartSurface:
-        """Treat neighboring `protected` (F,) faces as one polygon, which is only cut if it must."""
+        """Treat neighboring `protected` (F,) faces as one polygon, cut only where it must be."""
         own = np.arange(len(self.faces), dtype=np.int32)
         polygons = own if self.polygons is None else self.polygons
         edges, across = _inner_edges(self, protected)

@@ -138,7 +138,7 @@ def carried_labels(surface: ChartSurface, halves: Halves, half: Charts) -> IntAr
     labels = np.full(len(faces), -1, dtype=np.int32)
     found = half.chart_ids[half.faces[solid, 0]][nearest]
     part = surface.part(others)
-    neighbors = part.opposite(part.joints[1]).reshape(-1, 3) // 3
+    neighbors = part.joints[2].reshape(-1, 3) // 3
     labels[others] = _cleaned(found, neighbors, part.polygons)
     return labels
 

@@ -53,7 +53,7 @@ def _straightened(
     slits = border[(opposite[border] >= 0) & (before[border // 3] == before[opposite[border] // 3])]
     opposite[slits] = -1
     after = before.copy()
-    core.straighten_borders(surface.points, surface.joints[0], opposite, weights, _WIDTH, after)
+    core.straighten_borders(surface.points, surface.corners, opposite, weights, _WIDTH, after)
     made = list(pieces)
     tried, refused = before, np.zeros(len(pieces), dtype=bool)
     while True:
