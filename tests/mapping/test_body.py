@@ -68,9 +68,9 @@ def test_distances_grow_by_each_edge_and_later_sources_only_lower_them():
     ends = np.concatenate([heads, tails])[order].astype(np.int32)
     steps = np.concatenate([costs, costs])[order]
     distances, before = np.full(5, np.inf), np.full(5, -1, dtype=np.int32)
-    core.find_shortest_paths(rows, ends, steps, np.array([0], np.int32), distances, before)
+    core.find_shortest_paths(rows, ends, steps, np.array([0], np.int32), -1, distances, before)
     assert distances.tolist() == [0.0, 1.0, 3.0, 6.0, 10.0]
-    core.find_shortest_paths(rows, ends, steps, np.array([4], np.int32), distances, before)
+    core.find_shortest_paths(rows, ends, steps, np.array([4], np.int32), -1, distances, before)
     assert distances.tolist() == [0.0, 1.0, 3.0, 4.0, 0.0]
     assert before.tolist() == [-1, 0, 1, 4, -1]
 

@@ -5,8 +5,6 @@ Seams are compared by where they lie, so that vertices that a file repeats make 
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -22,7 +20,7 @@ from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.interchange import plain_array
 from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
-from texbake.mesh.topology import edge_keys
+from texbake.mesh.topology import EdgeGraph, edge_keys, path_back
 from texbake.mesh.weld import unique_rows, weld_rows
 
 # Cells along the longest side of the mesh; a point of a file is a vertex in the same cell.
@@ -50,7 +48,9 @@ def protected_of(
         return None
     if options.keep or options.charts == "xatlas":
         raise OptionError("protect: it is for charts that texbake cuts; leave out keep and xatlas")
-    return _marked_faces(mesh, numbers)[faces]
+    marked = np.zeros(mesh.n_faces, dtype=np.bool_)
+    marked[_checked(numbers, "protect", mesh, "face")] = True
+    return marked[faces]
 
 
 def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False) -> BoolArray:
@@ -58,7 +58,7 @@ def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False)
     marked = seam_edges(mesh) if keep else np.zeros((mesh.n_faces, 3), dtype=bool)
     if edges is None:
         return marked
-    pairs = _checked(edges, mesh)
+    pairs = _checked(edges, "seams", mesh, "vertex", 2)
     places = weld_rows(mesh.positions)
     keys = _keys(mesh, places)
     wanted = edge_keys(*places[pairs].T)
@@ -75,21 +75,24 @@ def _keys(mesh: Mesh, places: IntArray) -> Int64Array:
     return edge_keys(corners, np.roll(corners, -1, axis=1))
 
 
-def _checked(edges: npt.ArrayLike, mesh: Mesh) -> Int64Array:
-    pairs = plain_array(edges, "seams")
-    if pairs.size == 0:
-        return np.empty((0, 2), np.int64)
-    if pairs.ndim != 2 or pairs.shape[1] != 2 or not np.issubdtype(pairs.dtype, np.integer):
+def _checked(values: npt.ArrayLike, option: str, mesh: Mesh, kind: str, *row: int) -> Int64Array:
+    """Check numbers of vertices or faces of a mesh, in rows of the shape `row`."""
+    numbers = plain_array(values, option)
+    if numbers.size == 0:
+        return np.empty((0, *row), np.int64)
+    is_integer = np.issubdtype(numbers.dtype, np.integer)
+    if numbers.ndim == 0 or numbers.shape[1:] != row or not is_integer:
+        wanted = "pairs of vertices, (E, 2) int" if row else "numbers of faces, (n,) int"
         raise OptionError(
-            f"seams: the array has type {pairs.dtype} and shape {pairs.shape}; pass pairs of "
-            "vertices, (E, 2) int"
+            f"{option}: the array has type {numbers.dtype} and shape {numbers.shape}; pass {wanted}"
         )
-    if pairs.min() < 0 or pairs.max() >= mesh.n_vertices:
+    n, all_ = (mesh.n_vertices, "vertices") if kind == "vertex" else (mesh.n_faces, "faces")
+    worst = numbers.min() if numbers.min() < 0 else numbers.max()
+    if not 0 <= worst < n:
         raise OptionError(
-            f"seams: a vertex is {pairs.min() if pairs.min() < 0 else pairs.max()}; the vertices "
-            f"of {mesh.name} are 0 to {mesh.n_vertices - 1}"
+            f"{option}: a {kind} is {worst}; the {all_} of {mesh.name} are 0 to {n - 1}"
         )
-    return pairs.astype(np.int64)
+    return numbers.astype(np.int64)
 
 
 def read_seams(path: PathLike, mesh: Mesh) -> Int64Array:
@@ -106,15 +109,15 @@ def read_seams(path: PathLike, mesh: Mesh) -> Int64Array:
     rows = np.array(wanted, dtype=np.int64).reshape(-1, 3)
     is_edge = np.isin(edge_keys(rows[:, 1], rows[:, 2]), _keys(mesh, places))
     found = rows[is_edge, 1:].tolist()
-    graph = None if is_edge.all() else _EdgeGraph(mesh, places)
+    graph = None if is_edge.all() else _polygon_edges(mesh, places)
     for number, start, end in rows[~is_edge].tolist():
         assert graph is not None
-        steps = graph.shortest_way(start, end)
-        if steps is None:
+        steps = path_back(graph.paths_from(start, end)[1], end)
+        if steps[-1] != start:
             raise FileFormatError(
                 f"{path}: line {number}: no edges of {mesh.name} join two of its points"
             )
-        found += steps
+        found += [(one, other) for other, one in pairwise(steps)]
     return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
@@ -133,26 +136,6 @@ def faces_at(path: PathLike, mesh: Mesh) -> Int64Array:
             "where they are"
         )
     return found
-
-
-def _marked_faces(mesh: Mesh, faces: npt.ArrayLike) -> BoolArray:
-    """(F,) bool: faces by their numbers (n,)."""
-    numbers = plain_array(faces, "protect")
-    marked = np.zeros(mesh.n_faces, dtype=np.bool_)
-    if numbers.size == 0:
-        return marked
-    if numbers.ndim != 1 or not np.issubdtype(numbers.dtype, np.integer):
-        raise OptionError(
-            f"protect: the array has type {numbers.dtype} and shape {numbers.shape}; pass numbers "
-            "of faces, (n,) int"
-        )
-    if numbers.min() < 0 or numbers.max() >= mesh.n_faces:
-        raise OptionError(
-            f"protect: a face is {numbers.min() if numbers.min() < 0 else numbers.max()}; those of "
-            f"{mesh.name} are 0 to {mesh.n_faces - 1}"
-        )
-    marked[numbers] = True
-    return marked
 
 
 def _read_lines(path: PathLike) -> tuple[FloatArray, list[tuple[int, IntArray]]]:
@@ -202,46 +185,16 @@ def _vertices_at(path: PathLike, points: FloatArray, mesh: Mesh) -> Int64Array:
     return firsts.astype(np.int64)
 
 
-class _EdgeGraph:
-    """The edges of the polygons of a mesh, as a graph of its vertices."""
-
-    def __init__(self, mesh: Mesh, places: IntArray) -> None:
-        corners = places[mesh.faces]
-        tails, heads = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
-        if mesh.polygon_of is not None:
-            # A diagonal has both its faces in one polygon.
-            ends = np.minimum(tails, heads), np.maximum(tails, heads)
-            firsts, numbers = unique_rows(np.stack([*ends, np.repeat(mesh.polygon_of, 3)], axis=1))
-            once = firsts[np.bincount(numbers) == 1]
-            tails, heads = tails[once], heads[once]
-        starts, ends = np.concatenate([[tails, heads], [heads, tails]], axis=1)
-        order = np.argsort(starts, kind="stable")
-        self._ends = ends[order]
-        self._lengths = pm.norm(mesh.positions[ends] - mesh.positions[starts], axis=1)[order]
-        self._rows = np.searchsorted(starts[order], np.arange(mesh.n_vertices + 1))
-
-    def shortest_way(self, start: int, end: int) -> list[tuple[int, int]] | None:
-        """Edges of the shortest path between two vertices, or None (Dijkstra 1959)."""
-        before = {start: start}
-        lengths = {start: 0.0}
-        queue = [(0.0, start)]
-        while queue:
-            length, vertex = heapq.heappop(queue)
-            if vertex == end:
-                return list(_steps(before, end))
-            if length > lengths[vertex]:
-                continue
-            row = slice(self._rows[vertex], self._rows[vertex + 1])
-            for other, step in zip(
-                self._ends[row].tolist(), self._lengths[row].tolist(), strict=True
-            ):
-                if length + step < lengths.get(other, np.inf):
-                    lengths[other], before[other] = length + step, vertex
-                    heapq.heappush(queue, (length + step, other))
-        return None
-
-
-def _steps(before: dict[int, int], end: int) -> Iterator[tuple[int, int]]:
-    while before[end] != end:
-        yield before[end], end
-        end = before[end]
+def _polygon_edges(mesh: Mesh, places: IntArray) -> EdgeGraph:
+    """The edges of the polygons of a mesh, by their lengths."""
+    corners = places[mesh.faces]
+    tails, heads = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    if mesh.polygon_of is not None:
+        # A diagonal has both its faces in one polygon.
+        ends = np.minimum(tails, heads), np.maximum(tails, heads)
+        firsts, numbers = unique_rows(np.stack([*ends, np.repeat(mesh.polygon_of, 3)], axis=1))
+        once = firsts[np.bincount(numbers) == 1]
+        tails, heads = tails[once], heads[once]
+    starts, ends = np.concatenate([[tails, heads], [heads, tails]], axis=1)
+    lengths = pm.norm(mesh.positions[ends] - mesh.positions[starts], axis=1)
+    return EdgeGraph.build(mesh.n_vertices, starts, ends, lengths)

@@ -12,7 +12,7 @@ Based on: H. Edelsbrunner, J. Harer, "Computational Topology", American Mathemat
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -109,6 +109,46 @@ def runs_of_keys(keys: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
     order = np.argsort(keys, kind="stable")
     starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
     return order, starts, np.diff(np.append(starts, len(keys)))
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeGraph:
+    """Directed edges, sorted by the vertices that they start at; see `core/shortest_paths.c`."""
+
+    rows: Int64Array  # (V + 1,) int64; the edges from vertex i are rows[i] to rows[i + 1] - 1
+    ends: IntArray  # (E,) int32; vertices
+    costs: FloatArray  # (E,) float64; infinite for edges that no path takes
+    order: Int64Array  # (E,) int64; the number of each edge as it was given to `build`
+
+    @classmethod
+    def build(cls, n_vertices: int, starts: IntArray, ends: IntArray, costs: FloatArray) -> Self:
+        """Sort edges, each in one direction, by their starts."""
+        order = np.argsort(starts, kind="stable")
+        rows = np.searchsorted(starts[order], np.arange(n_vertices + 1))
+        return cls(rows, ends[order], costs[order], order)
+
+    def shorten(
+        self, sources: IntArray, distances: FloatArray, before: IntArray, target: int = -1
+    ) -> None:
+        """Lower distances to those from further sources, and set the vertex before each."""
+        core.find_shortest_paths(
+            self.rows, self.ends, self.costs, sources, target, distances, before
+        )
+
+    def paths_from(self, source: int, target: int = -1) -> tuple[FloatArray, IntArray]:
+        """(V,) distances and the vertices before, -1 for none; final up to the target, if any."""
+        distances = np.full(len(self.rows) - 1, np.inf)
+        before = np.full(len(distances), -1, dtype=np.int32)
+        self.shorten(np.array([source], dtype=np.int32), distances, before, target)
+        return distances, before
+
+
+def path_back(before: IntArray, vertex: int) -> list[int]:
+    """Vertices of the path from one back to its source, by the vertex before each."""
+    path = [vertex]
+    while before[path[-1]] >= 0:
+        path.append(int(before[path[-1]]))
+    return path
 
 
 def wind_alike(

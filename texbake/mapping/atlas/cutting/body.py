@@ -13,25 +13,23 @@ Homotopy and Homology Generators", 2005 (short loops around handles).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
-from texbake.core import core, portable_math as pm
+from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.flatten import Flat, flatten
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
-from texbake.mesh.topology import next_half_edges
+from texbake.mesh.topology import EdgeGraph, next_half_edges, path_back
 from texbake.records import dataclass
 
-# Ways to extremities are cut as long as they are at least this long, in sides of a square as large
-# as the body; darts are not shorter than this.
+# Least lengths of the cut to an extremity and of a dart, in sides of a square as large as the body.
 _REACH, _LEAST_DART = 0.35, 0.05
-_MOST_WAYS, _MOST_DARTS = 64, 24
+_MOST_REACHED, _MOST_DARTS = 64, 24
 _PATIENCE = 5  # darts that lower the cost no further, after which no more are tried
 
 # Cost of a body: its seams, and a constant for its outline, in sides of a square as large, times
@@ -52,7 +50,6 @@ class BodyLayout:
 
     faces: IntArray  # (m, 3) int32; indices into the coordinates
     flat: Flat
-    cost: float
 
     def charts(self) -> Charts:
         """The one chart."""
@@ -69,8 +66,8 @@ def flatten_body(points: FloatArray, opposite: IntArray, weights: FloatArray) ->
     body = _Body(points, opposite, weights)
     if not body.has_seam and not _open_up(body):
         return None
-    for _ in range(_MOST_WAYS):
-        if body.distances.max() < _REACH * body.side or not body.cut_to(body.farthest()):
+    for _ in range(_MOST_REACHED):
+        if body.distances.max() < _REACH * body.side or not body.cut_to(_farthest(body.distances)):
             break
     rough = _best_darts(body)
     if rough is None:
@@ -97,16 +94,14 @@ class _Body:
         self.neighbors = np.where(
             opposite >= 0, opposite // 3, np.arange(len(opposite)) // 3
         ).reshape(-1, 3)
-        # Each edge between two faces leads both ways by its half-edges; one at a border by one.
+        # The two half-edges of an edge lead in both directions; at a border, one stands for both.
         half_edges = np.concatenate([edges, np.flatnonzero(self.cut)]).astype(np.int32)
         back = np.flatnonzero(self.cut).astype(np.int32)
         starts = np.concatenate([self.tails[half_edges], self.heads[back]])
         ids = np.concatenate([half_edges, back])
-        order = np.argsort(starts, kind="stable")
-        self._ways = ids[order]
-        self._ends = np.concatenate([self.heads[half_edges], self.tails[back]])[order]
-        self._costs = (self.lengths * weights)[self._ways]
-        self._rows = np.searchsorted(starts[order], np.arange(len(self.points) + 1))
+        ends = np.concatenate([self.heads[half_edges], self.tails[back]])
+        self.graph = EdgeGraph.build(len(self.points), starts, ends, (self.lengths * weights)[ids])
+        self._ids = ids[self.graph.order]
         self.distances = np.full(len(self.points), np.inf)
         self.before = np.full(len(self.points), -1, dtype=np.int32)
         self._reach_from(np.unique(np.concatenate([self.tails[back], self.heads[back]])))
@@ -120,31 +115,20 @@ class _Body:
         """Length of the seams, without the border of the surface."""
         return float(self.lengths[self.cut & (self.opposite >= 0)].sum()) / 2.0
 
-    def farthest(self) -> int:
-        """The vertex farthest from all seams."""
-        return int(np.where(np.isfinite(self.distances), self.distances, -1.0).argmax())
-
-    def distances_from(self, vertex: int) -> tuple[FloatArray, IntArray]:
-        """Distances of all vertices from one, and the vertex before each."""
-        distances = np.full(len(self.points), np.inf)
-        before = np.full(len(self.points), -1, dtype=np.int32)
-        self._find(np.array([vertex], dtype=np.int32), distances, before)
-        return distances, before
-
     def cut_to(self, vertex: int) -> bool:
         """Cut from the nearest seam to a vertex; return whether there is anything to cut."""
-        way = list(_way(self.before, vertex))
-        self.cut_along(way)
-        return len(way) > 1
+        path = path_back(self.before, vertex)
+        self.cut_along(path)
+        return len(path) > 1
 
-    def cut_along(self, way: list[int]) -> None:
+    def cut_along(self, path: list[int]) -> None:
         """Cut the edges between consecutive vertices."""
-        for tail, head in pairwise(way):
-            row = slice(self._rows[tail], self._rows[tail + 1])
-            ids = self._ways[row][self._ends[row] == head]
+        for tail, head in pairwise(path):
+            row = slice(self.graph.rows[tail], self.graph.rows[tail + 1])
+            ids = self._ids[row][self.graph.ends[row] == head]
             ids = ids[self.opposite[ids] >= 0]
             self.cut[ids] = self.cut[self.opposite[ids]] = True
-        self._reach_from(np.array(way))
+        self._reach_from(np.array(path))
 
     def split_corners(self) -> tuple[IntArray, npt.NDArray[np.intp]]:
         """(m, 3) int32: vertices on either side of a seam, numbered; and a corner of each."""
@@ -161,17 +145,7 @@ class _Body:
         )
 
     def _reach_from(self, sources: IntArray) -> None:
-        self._find(sources.astype(np.int32), self.distances, self.before)
-
-    def _find(self, sources: IntArray, distances: FloatArray, before: IntArray) -> None:
-        core.find_shortest_paths(self._rows, self._ends, self._costs, sources, distances, before)
-
-
-def _way(before: IntArray, vertex: int) -> Iterator[int]:
-    """Vertices from one to the source of its way."""
-    while vertex >= 0:
-        yield vertex
-        vertex = int(before[vertex])
+        self.graph.shorten(sources.astype(np.int32), self.distances, self.before)
 
 
 def _open_up(body: _Body) -> bool:
@@ -180,33 +154,36 @@ def _open_up(body: _Body) -> bool:
     if n_handles > _MOST_HANDLES:
         return False
     if n_handles > 0:
-        for way in _loops(body):
-            body.cut_along(way)
+        for loop in _loops(body):
+            body.cut_along(loop)
         return True
-    distances, _ = body.distances_from(0)
-    start = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
-    distances, before = body.distances_from(start)
-    end = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
-    way = list(_way(before, end))
-    body.cut_along(way)
-    return len(way) > 2
+    start = _farthest(body.graph.paths_from(0)[0])
+    distances, before = body.graph.paths_from(start)
+    path = path_back(before, _farthest(distances))
+    body.cut_along(path)
+    return len(path) > 2
+
+
+def _farthest(distances: FloatArray) -> int:
+    """The vertex with the greatest finite distance."""
+    return int(np.where(np.isfinite(distances), distances, -1.0).argmax())
 
 
 def _loops(body: _Body) -> list[list[int]]:
-    """Ways that cut all handles open: loops through one vertex, the best of some."""
+    """Loops through one vertex that cut all handles open, the shortest of several attempts."""
     best: tuple[float, list[list[int]]] = (math.inf, [])
     distances = np.full(len(body.points), np.inf)
     root = 0
     for _ in range(_ROOTS + 1):
-        found, before = body.distances_from(root)
-        ways = _loops_at(body, found, before)
-        steps = {tuple(sorted(pair)) for way in ways for pair in pairwise(way)}
+        found, before = body.graph.paths_from(root)
+        loops = _loops_at(body, found, before)
+        steps = {tuple(sorted(pair)) for loop in loops for pair in pairwise(loop)}
         pairs = np.array(sorted(steps), dtype=np.int64).reshape(-1, 2)
         length = float(pm.norm(body.points[pairs[:, 0]] - body.points[pairs[:, 1]], axis=1).sum())
         if length < best[0]:
-            best = length, ways
+            best = length, loops
         distances = np.minimum(distances, found)
-        root = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
+        root = _farthest(distances)
     return best[1]
 
 
@@ -217,7 +194,7 @@ def _loops_at(body: _Body, distances: FloatArray, before: IntArray) -> list[list
     is_free = (before[tails] != heads) & (before[heads] != tails)
     half_edges, tails, heads = half_edges[is_free], tails[is_free], heads[is_free]
     lengths = distances[tails] + distances[heads] + body.lengths[half_edges]
-    # A tree of faces over the longest loops: what is left are the shortest that matter.
+    # A spanning tree of faces across the longest loops leaves the shortest that cut all handles.
     order = np.argsort(-lengths, kind="stable")
     faces = np.stack([half_edges // 3, body.opposite[half_edges] // 3], axis=1)[order]
     labels = list(range(len(body.vertices)))
@@ -231,7 +208,7 @@ def _loops_at(body: _Body, distances: FloatArray, before: IntArray) -> list[list
             left.append(number)
         labels[max(one, other)] = min(one, other)
     return [
-        [*list(_way(before, int(tails[number])))[::-1], *_way(before, int(heads[number]))]
+        [*path_back(before, int(tails[number]))[::-1], *path_back(before, int(heads[number]))]
         for number in left
     ]
 
@@ -246,7 +223,7 @@ class _Rough:
 
 
 def _best_darts(body: _Body) -> _Rough | None:
-    """Cut darts as long as they pay; return the cheapest layout, which may overlap itself."""
+    """Cut darts until the cost rises; return the layout of least cost, which may overlap itself."""
     best: _Rough | None = None
     corner_uvs: FloatArray | None = None
     n_worse = 0
@@ -272,7 +249,7 @@ def _cost(body: _Body, flat: Flat) -> float:
 
 
 def _most_stretched(body: _Body, corner_uvs: FloatArray) -> int:
-    """The vertex that a dart should lead to; one on a seam if the rest is too near to seams."""
+    """The vertex that a dart should lead to; one on a seam if all others are too close to one."""
     excess = (face_energies(body.corners, corner_uvs) - 1.0) * body.areas
     areas = body.areas
     for _ in range(_SMOOTHINGS):
@@ -313,4 +290,4 @@ def _finished(body: _Body, rough: _Rough) -> BodyLayout | None:
     faces, first = body.split_corners()
     points = body.corners.reshape(-1, 3)[first]
     flat = flatten(points, faces, rough.corner_uvs.reshape(-1, 2)[first], accuracy=_FINE)
-    return None if flat is None else BodyLayout(faces=faces, flat=flat, cost=_cost(body, flat))
+    return None if flat is None else BodyLayout(faces=faces, flat=flat)

@@ -11,14 +11,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from texbake.core import core, portable_math as pm
+from texbake.core import portable_math as pm
 from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH
 from texbake.mapping.atlas.joining.pieces import ChartPiece, LongArray, hull_area, parts_of
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
-from texbake.mesh.topology import edge_keys, opposite_half_edges
+from texbake.mesh.topology import EdgeGraph, edge_keys, opposite_half_edges, path_back
 from texbake.records import dataclass
 
 _PLACES = 64  # on an outline, that chords lead between
@@ -187,35 +187,29 @@ def _inside(outline: FloatArray, starts: FloatArray, ends: FloatArray) -> BoolAr
 
 
 class _PieceGraph:
-    """The edges of a piece, for the shortest way between two vertices of its outline."""
+    """The edges of a piece, to cut it along shortest paths."""
 
     def __init__(self, piece: ChartPiece, weights: FloatArray) -> None:
         self._piece = piece
         tails, heads = piece.faces.ravel(), np.roll(piece.faces, -1, axis=1).ravel()
         lengths = pm.norm(piece.points[heads] - piece.points[tails], axis=1)
         costs = lengths * weights[piece.face_ids].ravel()
-        starts = np.concatenate([tails, heads])
-        order = np.argsort(starts, kind="stable")
-        self._ends = np.concatenate([heads, tails])[order]
-        self._costs = np.concatenate([costs, costs])[order]
-        self._rows = np.searchsorted(starts[order], np.arange(len(piece.points) + 1))
+        self._graph = EdgeGraph.build(
+            len(piece.points),
+            np.concatenate([tails, heads]),
+            np.concatenate([heads, tails]),
+            np.concatenate([costs, costs]),
+        )
         self._keys = edge_keys(tails, heads)
         self._opposite = opposite_half_edges(piece.faces)
 
     def sides(self, start: int, end: int) -> tuple[BoolArray, float] | None:
-        """(m,) side of each face of the shortest way between two vertices, and its length."""
+        """(m,) sides of faces about the shortest path between two vertices, and its length."""
         piece = self._piece
-        distances = np.full(len(piece.points), np.inf)
-        before = np.full(len(piece.points), -1, dtype=np.int32)
-        core.find_shortest_paths(
-            self._rows, self._ends, self._costs, np.array([end], np.int32), distances, before
-        )
-        way = [start]
-        while before[way[-1]] >= 0:
-            way.append(int(before[way[-1]]))
-        if way[-1] != end:
+        path = path_back(self._graph.paths_from(end, start)[1], start)
+        if path[-1] != end:
             return None
-        steps = np.array(way)
+        steps = np.array(path)
         is_cut = np.isin(self._keys, edge_keys(steps[:-1], steps[1:]))
         edges = np.flatnonzero((self._opposite >= 0) & ~is_cut).astype(np.int32)
         labels = merged_labels(len(piece.faces), edges // 3, self._opposite[edges] // 3)
