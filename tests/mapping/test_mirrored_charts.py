@@ -5,7 +5,7 @@ from tests.mesh.test_symmetry import shape, turned
 from texbake.errors import OptionError
 from texbake.mapping.atlas.cutting.cut import surface_of
 from texbake.mapping.atlas.halves import find_halves
-from texbake.mapping.atlas.joining.mates import plan_join
+from texbake.mapping.atlas.joining.counterparts import plan_join
 from texbake.mapping.distortion import distortion
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import seam_edges
@@ -98,8 +98,8 @@ def test_options_that_exclude_each_other():
         UnwrapOptions(symmetry="off", keep=True)
 
 
-def test_plans_of_joins_keep_mates():
-    mates = {0: 1, 1: 0, 2: 3, 3: 2, 4: 4, 5: 5}  # 6 and 7 have none
+def test_plans_of_joins_keep_counterparts():
+    counterparts = {0: 1, 1: 0, 2: 3, 3: 2, 4: 4, 5: 5}  # 6 and 7 have none
     plans = {
         (0, 2): (((0, 2), (1, 3)), "other"),
         (0, 1): (((0, 1),), "self"),
@@ -111,6 +111,6 @@ def test_plans_of_joins_keep_mates():
         (6, 7): (((6, 7),), "none"),
     }
     for (one, other), expected in plans.items():
-        plan = plan_join(one, other, mates)
-        assert (plan.groups, plan.mate) == expected
-    assert plan_join(0, 2, mates).key == plan_join(3, 1, mates).key
+        plan = plan_join(one, other, counterparts)
+        assert (plan.groups, plan.counterpart) == expected
+    assert plan_join(0, 2, counterparts).key == plan_join(3, 1, counterparts).key

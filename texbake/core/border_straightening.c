@@ -1,12 +1,11 @@
 /* Borders between charts moved to cheaper edges of the mesh.
 
    A border between two charts runs from one junction with other borders to the next. It is replaced
-   by the cheapest way through a band of faces about it. An edge costs its length times its weight,
-   and each turn costs more, so that of the many ways through a grid that are about as short one is
-   taken that is straight.
+   by the cheapest path through a band of faces about it. An edge costs its length times its weight.
+   Turns cost extra, so that of many equally short paths through a grid a straight one is cheapest.
 
    Based on: Dijkstra, "A Note on Two Problems in Connexion with Graphs", 1959. Caldwell, "On Finding
-   Minimum Routes in a Network with Turn Penalties", 1961 (ways over edges in place of vertices).
+   Minimum Routes in a Network with Turn Penalties", 1961 (paths over edges instead of vertices).
 
    Called from texbake/mapping/atlas/joining/straighten.py, and from files that divide charts. */
 
@@ -31,7 +30,7 @@ enum { LEAST_RINGS = 2, MOST_RINGS = 24 };
 static const double TURN = 1.5;
 static const double FREE_COSINE = 0.866;
 
-/* A surface with labeled faces, and what is known while borders move. */
+/* A surface with labeled faces, and the state of their borders while these move. */
 struct borders {
     struct arena *arena;
     int64_t n_faces;
@@ -48,7 +47,7 @@ struct borders {
     int32_t *n_borders;      /* edges of borders at each vertex */
     int32_t *band, *side;    /* of faces: the round of the last band and flood */
     int32_t *walls, *reached, *own;
-    double *costs;           /* of the ways that end with each half-edge */
+    double *costs;           /* of the paths that end with each half-edge */
     int32_t *came_by;
     int32_t *queue;
     struct heap *heap;
@@ -77,7 +76,7 @@ static double step_along(const struct borders *borders, int32_t edge, double ste
     return sqrt(square);
 }
 
-/* What a way costs that goes on along an edge; `before`: the edge that it comes by, or -1. */
+/* The cost of continuing a path along an edge; `before`: the last edge of the path, or -1. */
 static double cost_of(const struct borders *borders, int32_t before, int32_t edge, double unit)
 {
     double step[3], last[3];
@@ -147,15 +146,15 @@ static int32_t continued(const struct borders *borders, int32_t edge)
 }
 
 /* Mark the faces of a band about a border between two labels. */
-static void make_band(struct borders *borders, int64_t n, const int32_t *way)
+static void make_band(struct borders *borders, int64_t n, const int32_t *path)
 {
-    const int32_t one = borders->labels[way[0] / 3];
-    const int32_t other = borders->labels[borders->opposite[way[0]] / 3];
+    const int32_t one = borders->labels[path[0] / 3];
+    const int32_t other = borders->labels[borders->opposite[path[0]] / 3];
     const int64_t n_rings = clamp_i64(
         (int64_t)(borders->width * (double)n), LEAST_RINGS, MOST_RINGS);
     int64_t n_met = 0, first = 0;
     for (int64_t i = 0; i < 2 * n; i++) {
-        const int32_t face = (i < n ? way[i] : borders->opposite[way[i - n]]) / 3;
+        const int32_t face = (i < n ? path[i] : borders->opposite[path[i - n]]) / 3;
         if (borders->band[face] != borders->time) {
             borders->band[face] = borders->time;
             borders->queue[n_met++] = face;
@@ -185,7 +184,7 @@ static bool is_in_band(const struct borders *borders, int32_t edge)
         && borders->band[across / 3] == borders->time;
 }
 
-/* Let a way go on along an edge. */
+/* Continue a path along an edge, if no other path to the edge costs less. */
 static void offer(struct borders *borders, int32_t before, int32_t edge, double unit)
 {
     if (!is_in_band(borders, edge))
@@ -200,10 +199,10 @@ static void offer(struct borders *borders, int32_t before, int32_t edge, double 
     push(borders->heap, (struct step){cost, edge});
 }
 
-/* Find the cheapest way from one vertex to another through the band; return its number of edges, 0 if
+/* Find the cheapest path from one vertex to another through the band; return its number of edges, 0 if
    there is none. Vertices of other borders are not passed. */
-static int64_t find_way(
-    struct borders *borders, int32_t from, int32_t to, double unit, int32_t *way)
+static int64_t find_path(
+    struct borders *borders, int32_t from, int32_t to, double unit, int32_t *path)
 {
     borders->heap->n = 0;
     for (int32_t i = borders->starts[from]; i < borders->starts[from + 1]; i++)
@@ -219,7 +218,7 @@ static int64_t find_way(
                 n++;
             int64_t at = n;
             for (int32_t edge = step.item; edge >= 0; edge = borders->came_by[edge])
-                way[--at] = edge;
+                path[--at] = edge;
             return n;
         }
         const bool is_free = borders->n_borders[vertex] == 0 || borders->own[vertex] == borders->time;
@@ -232,19 +231,19 @@ static int64_t find_way(
     return 0;
 }
 
-static void set_walls(struct borders *borders, int64_t n, const int32_t *way, int32_t mark)
+static void set_walls(struct borders *borders, int64_t n, const int32_t *path, int32_t mark)
 {
     for (int64_t i = 0; i < n; i++)
-        borders->walls[way[i]] = borders->walls[borders->opposite[way[i]]] = mark;
+        borders->walls[path[i]] = borders->walls[borders->opposite[path[i]]] = mark;
 }
 
-/* Flood both sides of a way through the band; return how many faces are met, in the queue, with
+/* Flood both sides of a path through the band; return how many faces are met, in the queue, with
    `side` twice the time and the side. 0 if the sides meet. */
-static int64_t flood(struct borders *borders, int64_t n, const int32_t *way)
+static int64_t flood(struct borders *borders, int64_t n, const int32_t *path)
 {
     int64_t n_met = 0;
     for (int32_t i = 0; i < 2 * n; i++) {
-        const int32_t side = i >= n, face = (side ? borders->opposite[way[i - n]] : way[i]) / 3;
+        const int32_t side = i >= n, face = (side ? borders->opposite[path[i - n]] : path[i]) / 3;
         if (borders->side[face] == 2 * borders->time + 1 - side)
             return 0;
         if (borders->side[face] != 2 * borders->time + side) {
@@ -293,11 +292,11 @@ static bool is_clean(const struct borders *borders, int64_t n_met, const int32_t
     return true;
 }
 
-/* Whether a way passes no vertex twice. Uses up `own`. */
-static bool is_simple(const struct borders *borders, int64_t n, const int32_t *way)
+/* Whether a path passes no vertex twice. Uses up `own`. */
+static bool is_simple(const struct borders *borders, int64_t n, const int32_t *path)
 {
     for (int64_t i = 0; i + 1 < n; i++) {
-        const int32_t vertex = head(borders, way[i]);
+        const int32_t vertex = head(borders, path[i]);
         if (borders->own[vertex] == -borders->time)
             return false;
         borders->own[vertex] = -borders->time;
@@ -305,16 +304,16 @@ static bool is_simple(const struct borders *borders, int64_t n, const int32_t *w
     return true;
 }
 
-static void count_borders(struct borders *borders, int64_t n, const int32_t *way, int32_t change)
+static void count_borders(struct borders *borders, int64_t n, const int32_t *path, int32_t change)
 {
     for (int64_t i = 0; i < n; i++) {
-        borders->n_borders[borders->tails[way[i]]] += change;
-        borders->n_borders[head(borders, way[i])] += change;
+        borders->n_borders[borders->tails[path[i]]] += change;
+        borders->n_borders[head(borders, path[i])] += change;
     }
 }
 
 /* Move a part of a border, if that is cheaper and leaves both charts whole. */
-static void move_border(struct borders *borders, int64_t n, const int32_t *old, int32_t *way)
+static void move_border(struct borders *borders, int64_t n, const int32_t *old, int32_t *path)
 {
     borders->time++;
     double unit = 0.0, step[3], cost = 0.0;
@@ -329,18 +328,18 @@ static void move_border(struct borders *borders, int64_t n, const int32_t *old, 
         borders->labels[old[0] / 3], borders->labels[borders->opposite[old[0]] / 3]};
     make_band(borders, n, old);
     const int64_t n_new =
-        find_way(borders, borders->tails[old[0]], head(borders, old[n - 1]), unit, way);
-    if (n_new == 0 || !(borders->costs[way[n_new - 1]] < cost * (1.0 - 1e-9)))
+        find_path(borders, borders->tails[old[0]], head(borders, old[n - 1]), unit, path);
+    if (n_new == 0 || !(borders->costs[path[n_new - 1]] < cost * (1.0 - 1e-9)))
         return;
     set_walls(borders, n, old, 2 * borders->time);
-    set_walls(borders, n_new, way, 2 * borders->time + 1);
-    const int64_t n_met = flood(borders, n_new, way);
-    if (n_met == 0 || !is_clean(borders, n_met, sides) || !is_simple(borders, n_new, way))
+    set_walls(borders, n_new, path, 2 * borders->time + 1);
+    const int64_t n_met = flood(borders, n_new, path);
+    if (n_met == 0 || !is_clean(borders, n_met, sides) || !is_simple(borders, n_new, path))
         return;
     for (int64_t at = 0; at < n_met; at++)
         borders->labels[borders->queue[at]] = sides[borders->side[borders->queue[at]] & 1];
     count_borders(borders, n, old, -1);
-    count_borders(borders, n_new, way, 1);
+    count_borders(borders, n_new, path, 1);
 }
 
 /* Collect the border that a half-edge begins, up to a vertex that it does not pass through or to its
@@ -357,7 +356,7 @@ static int64_t collect(const struct borders *borders, int32_t edge, bool *is_see
 }
 
 /* Move all borders once: those with ends, then closed ones, one half after the other. */
-static void lead_all(struct borders *borders, int round, bool *is_seen, int32_t *old, int32_t *way)
+static void move_all(struct borders *borders, int round, bool *is_seen, int32_t *old, int32_t *path)
 {
     const int32_t n_edges = (int32_t)(3 * borders->n_faces);
     for (int closed = 0; closed < 2; closed++) {
@@ -373,13 +372,13 @@ static void lead_all(struct borders *borders, int round, bool *is_seen, int32_t 
             if (is_loop != closed)
                 continue;
             if (!is_loop) {
-                move_border(borders, n, old, way);
+                move_border(borders, n, old, path);
             } else if (n >= 4) {
                 /* In each round another pair of vertices stays. */
                 const int64_t shift = is_passed(borders, borders->tails[edge]) && round % 2 ? n / 4 : 0;
                 memcpy(old + n, old, (size_t)shift * sizeof *old);
-                move_border(borders, n / 2, old + shift, way);
-                move_border(borders, n - n / 2, old + shift + n / 2, way);
+                move_border(borders, n / 2, old + shift, path);
+                move_border(borders, n - n / 2, old + shift + n / 2, path);
             }
         }
     }
@@ -403,9 +402,9 @@ void straighten_labels(
         .queue = TAKE(arena, int32_t, n_faces), .heap = &heap};
     connect(&borders);
     bool *is_seen = TAKE(arena, bool, n_edges);
-    int32_t *old = TAKE(arena, int32_t, 2 * n_edges), *way = TAKE(arena, int32_t, n_edges);
+    int32_t *old = TAKE(arena, int32_t, 2 * n_edges), *path = TAKE(arena, int32_t, n_edges);
     for (int round = 0; round < N_ROUNDS; round++)
-        lead_all(&borders, round, is_seen, old, way);
+        move_all(&borders, round, is_seen, old, path);
     reset_arena(arena, mark);
 }
 

@@ -36,8 +36,8 @@ void join_places(struct carried_places *places, int32_t u, int32_t v)
     places->last[v] = places->last[u];
 }
 
-/* The squared distance of a point to the closest face of a vertex that has moved to a place, but for
-   the faces that another vertex has; no more is looked at once it is at most `enough`. */
+/* The squared distance of a point to the closest face of a vertex that has moved to a place, except
+   faces that another vertex belongs to; the search ends once the distance is at most `enough`. */
 static double distance_around(
     const struct collapsible_mesh *mesh, int32_t vertex, int32_t other, struct vector place,
     struct vector point, double enough)
@@ -59,7 +59,7 @@ static double distance_around(
     return least;
 }
 
-/* The greatest squared distance of the places that two vertices stand for, were they to meet. */
+/* The greatest squared distance of the places that two vertices stand for, if these meet. */
 double distance_of_places(
     const struct collapsible_mesh *mesh, const struct carried_places *places,
     const int32_t *vertex_ids, int32_t u, int32_t v, struct vector meeting)

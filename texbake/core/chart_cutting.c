@@ -235,13 +235,14 @@ static void filter_normals(struct cutting *cutting, double similar)
    their number. Charts longer than `most_length` or larger than `most_area`, of a mesh of `total_area`,
    are divided. `labels` gets the chart of each face, -1
    without one: `faces` and `uvs` are its layout; `n_vertices` the number of coordinates. `lengths`
-   come from `find_step_lengths`, `weights` are those of seams along each side; overlaps up to `depth` do not count. */
+   come from `find_step_lengths`, `weights` are those of seams along each side; overlaps up to `depth`
+   do not count. */
 EXPORT int64_t cut_charts(
     int64_t n, int64_t n_faces, int64_t n_corners, const double points[n][3],
     const int32_t corners[n_faces][3], const int32_t opposite[3 * n_faces],
-    const double lengths[n_faces][3], const double weights[n_faces][3], double most_l2, double most_length, double most_area,
-    double total_area, double depth, int32_t labels[n_faces], int32_t faces[n_faces][3], double uvs[n_corners][2],
-    int64_t n_vertices[1])
+    const double lengths[n_faces][3], const double weights[n_faces][3], double most_l2,
+    double most_length, double most_area, double total_area, double depth, int32_t labels[n_faces],
+    int32_t faces[n_faces][3], double uvs[n_corners][2], int64_t n_vertices[1])
 {
     n_vertices[0] = 0;
     if (n_corners < 3 * n_faces)

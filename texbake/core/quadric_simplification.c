@@ -48,8 +48,8 @@ static const double PLACE_WEIGHT = 1e-6;
 static const double RESTARTS[] = {4.0, 3.0, 2.0, 1.5, 1.2, 1.0};
 static const double REMEMBERED = 0.3;
 
-/* What the squared distance of places weighs next to the mean of the squared errors, and the restart
-   before which it is not looked at: with vertices that move, and with those that stay. */
+/* Weight of the squared distance of places next to the mean squared error, and the restart from which
+   on it counts: where vertices move, and where they stay. */
 static const double PLACES_WEIGHT = 0.3;
 enum { MEASURED_FROM = 1, MEASURED_FROM_IF_FIXED = 3 };
 
@@ -535,8 +535,8 @@ static void take_faces(
     mesh->is_shared = TAKE_ZEROS(arena, bool, mesh->n_vertices);
 }
 
-/* Take the poses of the vertices of a mesh, or give them back. */
-static void take_poses(struct arena *arena, struct simplification *s, struct poses *poses)
+/* Read the poses of the vertices of a mesh, or write them back. */
+static void read_poses(struct arena *arena, struct simplification *s, struct poses *poses)
 {
     const int64_t n = s->mesh.n_vertices;
     s->n_poses = poses->n;
@@ -551,7 +551,7 @@ static void take_poses(struct arena *arena, struct simplification *s, struct pos
     }
 }
 
-static void give_poses(const struct simplification *s, struct poses *poses)
+static void write_poses(const struct simplification *s, struct poses *poses)
 {
     for (int64_t pose = 0; pose < poses->n; pose++) {
         for (int64_t vertex = 0; vertex < s->mesh.n_vertices; vertex++) {
@@ -573,7 +573,7 @@ static int64_t simplify_from_here(
     take_faces(
         arena, s, n_vertices, n_faces, vertex_of, (const double(*)[3])points,
         (const int32_t(*)[3])faces);
-    take_poses(arena, s, poses);
+    read_poses(arena, s, poses);
     begin_simplification(arena, s, lock_boundary);
     int32_t u;
     double cost;
@@ -584,7 +584,7 @@ static int64_t simplify_from_here(
         s->so_far[s->vertex_ids[vertex]] = s->quadrics[vertex];
         memcpy(points[s->vertex_ids[vertex]], mesh->points[vertex], sizeof *points);
     }
-    give_poses(s, poses);
+    write_poses(s, poses);
     int64_t n_left = 0;
     for (int64_t face = 0; face < n_faces; face++)
         if (mesh->faces[face][0] >= 0)

@@ -1,4 +1,4 @@
-/* A part of a mesh with holes, such as a tube, cut open along the shortest way between two of them.
+/* A part of a mesh with holes, such as a tube, cut open along the shortest path between two of them.
 
    Based on: Dijkstra, "A Note on Two Problems in Connexion with Graphs", 1959.
 
@@ -86,7 +86,7 @@ static struct graph make_graph(
     return graph;
 }
 
-/* Cut the shortest way from loop `from` to loop `to`; return whether there is one. */
+/* Cut the shortest path from loop `from` to loop `to`; return whether there is one. */
 static bool cut_between(
     const struct cutting *cutting, struct part *part, const struct graph *graph, int32_t from,
     int32_t to)

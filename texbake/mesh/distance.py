@@ -29,8 +29,8 @@ REPORTED_SAMPLES = 10_000  # where a distance is only reported
 # fewer samples are taken.
 _BOXES_ALLOWED, _BOXES_AT_A_POINT = 4e7, 400.0
 
-# The distance peaks at edges that bridge a valley, between samples up to a tenth higher. So many
-# points are added on each edge of so many faces, those of the farthest samples.
+# The distance peaks at edges that bridge a valley, up to a tenth above the samples nearby. Of the
+# faces with the farthest samples, this many get this many more points on each edge.
 _FARTHEST, _FACES_OF_PEAKS, _POINTS_ON_AN_EDGE = 4096, 256, 15
 
 # 1 / g and 1 / g² for g³ = g + 1: Roberts's sequence in two dimensions.

@@ -1,9 +1,9 @@
 """The mirror plane of a surface, found by registering the surface to its mirror image.
 
-Candidates are the planes through the centroid across the axes of the frame and across the principal
-axes, and across more directions where two moments are nearly equal. Each is refined by closest
-points: the plane of least squares between points and the surface points closest to their mirror
-images.
+Candidates are the planes through the centroid, perpendicular to the axes of the frame, to the
+principal axes, and to directions in between where two moments are nearly equal. Closest points
+refine each candidate: the least-squares plane between points and the surface points closest to
+their mirror images.
 
 Based on: P. Besl, N. McKay, "A method for registration of 3-D shapes", 1992 (closest points).
 """
@@ -27,14 +27,14 @@ MIRROR_TOLERANCE = 0.012
 _ACROSS_TOLERANCE = 0.05
 _SHARE = 0.95
 
-# Points, rounds of closest points and the error, in tolerances, beyond which a plane is dropped.
+# Points, steps of closest points, and the error, in tolerances, above which a plane is dropped.
 _ROUNDS = ((150, 4, 5.0), (150, 4, 2.5), (1500, 6, 1.0))
-_MOST_PLANES = 3  # in a further round: a sphere has more than are needed
-_EXACT = 1e-7  # diagonals, the rounding of float32: no step makes such a plane better
+_MOST_PLANES = 3  # that go on to the next round: a sphere has any number of them
+_EXACT = 1e-7  # diagonals, the rounding of float32: further steps do not improve such a plane
 _FARTHEST = 10.0  # tolerances; farther points do not count
-# Of the closest points, this share decides where the plane is: the rest may have no mirror image.
+# Share of the points, the closest ones, that the plane is fitted to: others may have no image.
 _TRIMMED = 0.85
-# If two moments differ by less than this share of the larger, all axes between count.
+# If two moments differ by less than this share of the larger, axes between theirs are tried, too.
 _MOST_ALIKE = 0.1
 _N_TURNS = 8  # of those axes
 
@@ -92,7 +92,7 @@ def find_mirror_plane(
 
 
 def _directions(about: FloatArray) -> list[FloatArray]:
-    """Unit vectors across which a plane may lie, those of the frame first."""
+    """Unit normals of candidate planes, those of the frame first."""
     moments, axes = pm.eigh((about[:, :, None] * about[:, None]).mean(axis=0))
     found = [*np.eye(3), *axes.T]
     for one in (0, 1):
@@ -115,7 +115,7 @@ def _refined(
     diagonal: float,
     tolerance: float,
 ) -> MirrorPlane:
-    """Move a plane so that the mirror images of samples come nearer to the surface."""
+    """Move a plane so that the mirror images of samples come closer to the surface."""
     best = plane
     farthest = _FARTHEST * tolerance * diagonal
     for _ in range(n_steps + 1):
@@ -136,7 +136,7 @@ def _refined(
 
 
 def plane_between(one: FloatArray, other: FloatArray, error: float = np.inf) -> MirrorPlane:
-    """Plane that mirrors points (n, 3) onto others (n, 3) with the least squares."""
+    """Least-squares plane that mirrors points (n, 3) onto others (n, 3)."""
     # |q - Rp|² = |q - p|² + 4 (n·p - d) (n·q - d): least for d = n·m, and the least eigenvector.
     center = (one + other).mean(axis=0) / 2.0
     products = ((one - center)[:, :, None] * (other - center)[:, None]).sum(axis=0)
@@ -152,5 +152,5 @@ def _distinct(planes: Iterable[MirrorPlane]) -> list[MirrorPlane]:
     for plane in planes:
         if all(abs(float(pm.vecdot(plane.normal, other.normal))) < 0.9995 for other in kept):
             kept.append(plane)
-    # Errors that differ by less than rounding count as equal, and then the first comes first.
+    # Errors that differ by rounding alone count as equal, and planes then keep their order.
     return sorted(kept, key=lambda plane: round(plane.error * 2.0**14))[:_MOST_PLANES]

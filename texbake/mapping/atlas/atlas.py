@@ -18,6 +18,7 @@ from texbake.mapping.atlas.charts import (
     find_isolated_faces,
     gather_charts,
     groups_in_use,
+    mesh_of,
     single_face_charts,
     tile_groups,
     with_cuts_noted,
@@ -32,9 +33,9 @@ from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.atlas.mirrored_charts import (
+    find_counterparts,
     half_charts,
     half_surface,
-    mates_of,
     stacked_charts,
 )
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
@@ -52,14 +53,14 @@ from texbake.records import dataclass
 # more than a factor of `_GOOD_ROOM`: charts need not stay apart for a stretch that nobody sees.
 _GOOD_STRETCH = 1.03
 _GOOD_ROOM = 1.5
-_HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller as they are cut
+_HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller before they are joined
 _BEST_STRETCH = 1.09
 # Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
 # set the scale of all others: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
 _JOIN_WORK = {"good": 300, "best": 1000}
-# Whole bodies that cost less than this share of what `good` does leave no more to be tried.
+# If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
 _CLEARLY_BETTER = 0.7
 # Steps from zero to the size of the largest of several meshes.
 _SIZES = 2.0**40
@@ -92,7 +93,7 @@ def make_atlas(
     if options.by_group:  # fail before the work
         check_tiles(len(groups_in_use(meshes)), options.tiles, _name_of(meshes))
 
-    # With overlap, a whole body would have no other half to lie on.
+    # With overlap, a whole body has no other half to lie on.
     is_free = not options.keep and options.symmetry != "overlap"
     is_free &= all(each is None for each in (*seams, *protected))
     if options.quality == "best" and options.charts == "texbake" and is_free:
@@ -211,7 +212,7 @@ def _make_charts(
         regions = mesh.face_groups if options.by_group else face_objects(mesh)
         return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
     surface, n_within = _surface(mesh, options, seams, threads)
-    if protected is not None:  # those on both sides of a mirror plane stay together
+    if protected is not None:  # protected faces on both sides of a mirror plane stay together
         surface, options = surface.kept_whole(protected), replace(options, symmetry="off")
     isolated, others = find_isolated_faces(surface)
     if not len(isolated):
@@ -220,11 +221,9 @@ def _make_charts(
         pieces = [(isolated, single_face_charts(surface.points, mesh.faces[isolated]))]
         if len(others):
             part = surface.part(others)
-            connected = Mesh(
-                positions=mesh.positions, faces=part.faces, polygon_of=part.polygons, name=mesh.name
-            )
             with suppress(UnwrapError):  # none of them has an area
-                pieces.append((others, _connected_charts(connected, part, options, stages)))
+                connected = _connected_charts(mesh_of(mesh, part), part, options, stages)
+                pieces.append((others, connected))
         charts = gather_charts(mesh.faces, pieces)
     if protected is not None:
         charts = with_cuts_noted(surface, charts, protected)
@@ -250,7 +249,7 @@ def _surface(
 def _body_charts(
     mesh: Mesh, others: Charts, options: UnwrapOptions, stages: Stages, threads: int | None
 ) -> list[Charts]:
-    """Charts of whole bodies with more and more limbs cut off; `others`: of what is no body."""
+    """Candidates of charts of whole bodies; `others`: charts, for faces of no body."""
     surface, _ = _surface(mesh, options, None, threads)
     with stages.stage("cut bodies"):
         found = whole_bodies(surface, others)
@@ -268,7 +267,7 @@ def _connected_charts(
             charts = marked_charts(mesh, surface, options)
         return _bounded(surface, charts, options, stages)
     overlaps = options.symmetry == "overlap"
-    # Charts that mirror each other take three times as long as those of `fast`.
+    # Mirrored charts would make `fast` three times slower.
     mirrors = options.symmetry == "auto" and options.quality != "fast"
     why, halves = "it has no mirror plane", None
     if (overlaps or mirrors) and options.charts == "texbake":
@@ -318,9 +317,7 @@ def _stacked_charts(
 ) -> Charts:
     """Cut one half of a mesh, and lay the other on it."""
     half = half_surface(surface, halves)
-    half_mesh = Mesh(
-        positions=mesh.positions, faces=half.faces, polygon_of=half.polygons, name=mesh.name
-    )
+    half_mesh = mesh_of(mesh, half)
     weights = _weights(half, options, stages)
     charts = _cut(half_mesh, half, options, stages, weights)
     if options.quality != "fast":
@@ -369,7 +366,9 @@ def _improved(
             most_chart_l2=options.max_stretch,
             most_length=_JOINED_SIDES,
             most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
-            mates_of=None if halves is None else partial(mates_of, surface=surface, halves=halves),
+            find_counterparts=None
+            if halves is None
+            else partial(find_counterparts, surface=surface, halves=halves),
         )
     if options.charts != "texbake":
         return charts

@@ -70,6 +70,13 @@ class ChartSurface:
         )
 
 
+def mesh_of(mesh: Mesh, part: ChartSurface) -> Mesh:
+    """Mesh of the faces of a part of its surface, with all vertices."""
+    return Mesh(
+        positions=mesh.positions, faces=part.faces, polygon_of=part.polygons, name=mesh.name
+    )
+
+
 def _inner_edges(surface: ChartSurface, faces: BoolArray) -> tuple[IntArray, IntArray]:
     """Half-edges between some faces (F,), each edge once, and their opposites."""
     opposite = surface.joints[2]

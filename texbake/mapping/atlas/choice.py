@@ -1,6 +1,6 @@
-"""What `best` chooses among: the charts of `good`, whole bodies, and few charts with some stretch.
+"""Candidates of `best`: the charts of `good`, whole bodies, and few charts with some stretch.
 
-All are compared by one cost, so that `best` is never worse than `good` in all that counts.
+One cost compares all candidates, so that `best` never costs more than `good`.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from texbake.mapping.seams import seam_length
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.parallel import run_bands
 
-# A body has so many faces, and at least this share of the area of the mesh.
+# Least and most faces of a body, and its least share of the area of the mesh.
 _LEAST_FACES, _MOST_FACES, _LEAST_SHARE = 100, 100_000, 0.02
-# One that stretches more as one chart, as a share of the least energy, is left to other cuts.
+# Most energy of a body as one chart, as a multiple of the minimum; other bodies are cut otherwise.
 _MOST_ENERGY = 1.3
-# Stretch and empty area, in areas of the mesh, of charts that split-off faces join: any.
+# Bounds on the stretch and empty area of charts that split-off faces join: almost none.
 _MOST_L2, _ANY_WASTE = 1.5, 1e6
-# Empty area that cutting off a limb saves, in units of the length of the cut times the side of a
-# square as large as the mesh: what each candidate asks for.
+# Least empty area that cutting off a limb saves, by candidate, in units of the length of the cut
+# times the side of a square as large as the mesh.
 _GAINS = (0.25, 0.12, 0.06, 0.03)
 
 # See `layout_cost`.
@@ -68,9 +68,9 @@ def layout_cost(meshes: Sequence[Mesh], all_charts: Sequence[Charts], fill: floa
 
 
 def whole_bodies(surface: ChartSurface, others: Charts) -> list[Charts]:
-    """Charts of whole bodies, whose limbs are cut off where that saves more and more empty area.
+    """Charts of whole bodies, from candidate to candidate with more limbs cut off.
 
-    What is no body keeps the charts of `others`; the list is empty if there is no body.
+    Other faces keep their charts, `others`; the list is empty if there is no body.
     """
     corners, solid, opposite = surface.joints
     weights = edge_weights(surface)
@@ -146,7 +146,7 @@ def _cut_off(surface: ChartSurface, charts: Charts, weights: FloatArray) -> list
 
 
 def _repaired(surface: ChartSurface, charts: Charts) -> Charts:
-    """Charts in which no face lies on another any more."""
+    """Split off faces that overlap others, and join them to other charts."""
     solid = np.flatnonzero(charts.solid).astype(np.int32)
     corners = surface.points[surface.faces[solid]]
     repaired = repair_charts(corners, charts.faces[solid], charts.uvs, charts.chart_ids, even=False)
@@ -155,7 +155,7 @@ def _repaired(surface: ChartSurface, charts: Charts) -> Charts:
     gathered = gather_charts(surface.faces, [(solid, repaired)])
     if gathered.n_charts == charts.n_charts:
         return gathered
-    # Single faces that were split off find a place at another side.
+    # Faces that were split off join a chart at another edge.
     return join_charts(
         surface, gathered, most_l2=_MOST_L2, most_share=_LEAST_SHARE, most_waste=_ANY_WASTE
     )

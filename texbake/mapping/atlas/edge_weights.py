@@ -1,8 +1,8 @@
-"""What a seam along an edge costs, for each unit of its length: the less, the better it hides.
+"""Costs of seams per unit of length: low along edges where a seam is hard to see.
 
-Seams are cheap on hard edges, and where little ambient light comes, as in creases, below chins and
-between fingers. No seam runs within a polygon. Rays from some vertices measure how much of the
-surroundings is open; their neighbors get the mean of those nearby.
+Seams cost little along hard edges, and where little ambient light comes, as in creases, below chins
+and between fingers. No seam runs within a polygon. Rays from a sample of the vertices measure how
+open their surroundings are; other vertices get the mean of those nearby.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from texbake.raycast.scene import RayScene
 _HARD = 0.3
 _SOFT_ANGLE, _HARD_ANGLE = 25.0, 50.0
 
-# Rays from a vertex, one vertex of how many casts them, and how many vertices at most do. In each
-# round, all vertices take the mean of their neighbors.
+# Rays per vertex, every how many vertices cast rays, and how many do at most. In each round, all
+# vertices are averaged with their neighbors.
 _RAYS, _STRIDE, _MOST = 8, 4, 8192
 _ROUNDS = 4
 # Rays start this far above the surface, in local units.
 _OFFSET = 1e-4
-# Openness, in units of its mean, counts with this power where `hide` is 1, within these bounds.
+# Where `hide` is 1, openness, relative to its mean, counts with this power, within these bounds.
 _EXPONENT = 6.0
 _HIDDEN, _OPEN = 0.1, 4.0
 
@@ -34,7 +34,7 @@ _HIDDEN, _OPEN = 0.1, 4.0
 def edge_weights(surface: ChartSurface, *, hide: float = 0.0) -> FloatArray:
     """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons.
 
-    `hide`: how much openness counts, 0 to 1.
+    `hide`: influence of openness, 0 to 1.
     """
     corners, solid, opposite = surface.joints
     weights = np.ones(len(opposite))
@@ -71,7 +71,7 @@ def _normals(points: FloatArray, corners: IntArray) -> FloatArray:
 
 
 def _openness(surface: ChartSurface, corners: IntArray, solid: BoolArray) -> FloatArray:
-    """(V,) float64: share of the surroundings that is open, 0 to 1, evened out over neighbors."""
+    """(V,) float64: open share of the surroundings, 0 to 1, averaged over neighbors."""
     n = len(surface.points)
     used = np.unique(corners[solid])
     step = max(_STRIDE, -(-len(used) // _MOST))

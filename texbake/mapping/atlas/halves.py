@@ -1,8 +1,7 @@
-"""The two halves of a symmetric mesh, and which corners of one mirror those of the other.
+"""The two halves of a symmetric mesh, and the corners of one that mirror those of the other.
 
-A polygon lies on one side of the mirror plane, or in the middle if it is large and crosses the
-plane. A small one that crosses the plane, as those of scans do, belongs to the side that most of it
-lies on.
+A polygon is on one side of the mirror plane, or in the middle if it is large and crosses the plane.
+A small polygon that crosses the plane, as on scans, belongs to the side that contains most of it.
 """
 
 from __future__ import annotations
@@ -18,22 +17,22 @@ from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-# A polygon crosses the plane if it reaches this far beyond it on both sides, in diagonals.
+# A polygon crosses the plane if it extends this far on both sides, in diagonals of the mesh.
 _CROSSING = 0.01
 _LARGE = 0.002  # share of the area of the mesh above which such a polygon is large
-# Farthest that a vertex may lie from a mirrored one to be its image, in longest edges of its face.
+# Most distance between a mirrored vertex and its image, in longest edges of the image's face.
 _SAME_VERTEX = 0.1
-# Vertices that are looked at first, and the share of them that must have an image.
+# Number of vertices that are tested first, and the least share of them with an image.
 _LOOKED_AT = 1000
 _LEAST_MATCHED = 0.5
-# The same share of faces, where those without an image would otherwise tear charts.
+# Least share of faces with an image where faces without one would break up charts.
 _WELL_MATCHED = 0.97
-_ROUNDS = 2  # of moving the plane to the middle of vertices and their images
+_ROUNDS = 2  # of moving the plane halfway between vertices and their images
 
 
 @dataclass(frozen=True, eq=False)
 class Halves:
-    """The sides of a mesh."""
+    """The sides of a mesh about its mirror plane."""
 
     plane: MirrorPlane
     # (F,) int8; -1 or 1 for faces of a side, 0 in the middle, 2 for those without a mirror image.
@@ -44,7 +43,7 @@ class Halves:
 
 
 def halves_of(surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False) -> Halves:
-    """Find the halves; `apart`: each polygon that is its own mirror image is in the middle."""
+    """Find the halves; `apart`: every polygon that is its own mirror image is in the middle."""
     points, faces = surface.points, surface.faces
     polygons = np.arange(len(faces), dtype=np.int32)
     if surface.polygons is not None:
@@ -63,7 +62,7 @@ def halves_of(surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False)
     else:
         sides[own & (sides != 0)] = 1
     opposed = matched & ~own
-    # Polygons whose centers lie on the plane, to rounding, follow the first of two.
+    # Rounding may put both polygons of a pair at the plane on one side: the first then gets side 1.
     wrong = opposed & (sides[twins[:, 0] // 3] != -sides) & (sides != 0)
     sides[wrong] = np.where(polygons < polygons[twins[:, 0] // 3], 1, -1)[wrong]
     middle = opposed & (sides == 0)
@@ -82,7 +81,7 @@ def find_halves(surface: ChartSurface, *, apart: bool = False) -> Halves | None:
 
 
 def _sides(points: FloatArray, faces: IntArray, polygons: IntArray, plane: MirrorPlane) -> IntArray:
-    """(F,) sides of faces by where they lie."""
+    """(F,) sides of faces, by position alone."""
     heights = plane.heights(points)[faces]
     n_polygons = int(polygons.max()) + 1
     low, high = np.full(n_polygons, np.inf), np.full(n_polygons, -np.inf)
@@ -147,7 +146,7 @@ def _twins(corners: Int64Array, polygons: IntArray, image_of: Int64Array) -> Int
     order = np.argsort(codes, kind="stable")
     at = np.minimum(np.searchsorted(codes[order], of_images), n_polygons - 1)
     twin = np.where(codes[order[at]] == of_images, order[at], -1)
-    # Only those that are each other's image, so that no polygon is the image of two.
+    # Only polygons that are each other's images, so that none is the image of two.
     twin[(twin >= 0) & (twin[twin] != np.arange(n_polygons))] = -1
     keys = (np.repeat(polygons, 3).astype(np.int64) << 32) + corners.ravel()
     wanted = (np.repeat(twin[polygons], 3).astype(np.int64) << 32) + images.ravel()

@@ -1,8 +1,8 @@
-"""Charts that mirror each other: those of one half of a mesh are carried to the other half.
+"""Symmetric charts: the charts of one half of a mesh are transferred to the other half.
 
-Where the polygons of both halves mirror each other one by one, so do the layouts. Elsewhere, as on
-scans, faces take the charts of the faces closest to their mirror images. Charts that meet at the
-mirror plane are then joined to charts in the middle, as far as stretch allows.
+Where the polygons of the halves correspond one to one, layouts are mirrored. Elsewhere, as on
+scans, each face gets the chart of the face closest to its mirror image. Charts that meet at the
+mirror plane are joined later, as far as stretch allows.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from texbake.errors import UnwrapError
-from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
+from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts, mesh_of
 from texbake.mapping.atlas.cutting.cut import cut_charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.flatten import relax_charts
@@ -26,12 +26,12 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 
 _SMOOTHINGS = 4  # rounds of giving faces the chart of two of their neighbors
-# A part of a carried chart below this share of its faces goes to the charts around it.
+# A part of a transferred chart below this share of the chart's faces joins the charts around it.
 _LEAST_PART = 0.1
 
 
 def half_faces(halves: Halves) -> IntArray:
-    """Faces that are cut: those of one side, in the middle, and without a mirror image."""
+    """Faces to cut: on one side, in the middle, or without a mirror image."""
     return np.flatnonzero(halves.sides >= 0).astype(np.int32)
 
 
@@ -45,7 +45,7 @@ def half_surface(surface: ChartSurface, halves: Halves) -> ChartSurface:
 def half_charts(
     mesh: Mesh, surface: ChartSurface, halves: Halves, charts: Charts, quality: str
 ) -> Charts:
-    """Charts of a mesh, by what its `charts` are on one side, made compact."""
+    """Symmetric charts of a mesh: its `charts` on one side, cut until compact, and their images."""
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     half = half_surface(surface, halves)
     charts = _split_off(half, replace(charts, faces=charts.faces[ids]))
@@ -53,7 +53,7 @@ def half_charts(
     if halves.twins is not None:
         mirrored = _mirrored(surface, halves, charts, ids, others)
     else:
-        mirrored = _carried(mesh, surface, halves, charts, others, quality)
+        mirrored = _transferred(mesh, surface, halves, charts, others, quality)
         if mirrored is not None:
             mirrored = relax_charts(surface.part(others), mirrored)
     pieces = [(ids, charts)] if mirrored is None else [(ids, charts), (others, mirrored)]
@@ -61,9 +61,9 @@ def half_charts(
 
 
 def stacked_charts(halves: Halves, half: Charts, mesh: Mesh) -> Charts:
-    """Charts of a mesh by those of `half_faces`, whose mirror images have the same coordinates."""
+    """Charts of a mesh by those of `half_faces`; mirror images share their coordinates."""
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0)
-    whole = gather_charts(mesh.faces, [(ids, half)], ())
+    whole = gather_charts(mesh.faces, [(ids, half)])
     assert halves.twins is not None
     faces = whole.faces.copy()
     faces[others] = whole.faces.ravel()[halves.twins[others]]
@@ -73,7 +73,7 @@ def stacked_charts(halves: Halves, half: Charts, mesh: Mesh) -> Charts:
 
 
 def _split_off(surface: ChartSurface, charts: Charts) -> Charts:
-    """Charts without what only other faces use, each in one piece."""
+    """Connected charts of the faces of a surface, without unused coordinates."""
     opposite = surface.opposite(charts.solid)
     return charts_of(pieces_of(surface, charts, opposite), charts)
 
@@ -93,7 +93,7 @@ def _mirrored(
     alone = np.setdiff1d(ignored, faces[(faces != faces[:, :1]).any(axis=1)])
     chart_ids = ids.astype(np.int64)
     chart_ids[alone] = NO_CHART
-    # Quadrilaterals that are divided along different diagonals may be folded.
+    # Quads that the halves divide along different diagonals may fold over.
     return repair_charts(
         surface.points[surface.faces[others]],
         faces,
@@ -103,26 +103,23 @@ def _mirrored(
     )
 
 
-def _carried(
+def _transferred(
     mesh: Mesh, surface: ChartSurface, halves: Halves, half: Charts, others: IntArray, quality: str
 ) -> Charts | None:
     """Cut the other side where the mirror image of one side is cut."""
     part = surface.part(others)
-    labels = carried_labels(surface, halves, half)[others]
+    labels = transferred_labels(surface, halves, half)[others]
     keys = labels.astype(np.int64) << 32
     if part.regions is not None:
         keys += part.regions
     part = replace(part, regions=np.unique(keys, return_inverse=True)[1].astype(np.int32))
-    other = Mesh(
-        positions=mesh.positions, faces=part.faces, polygon_of=part.polygons, name=mesh.name
-    )
     area = float(surface_areas(surface.points[surface.faces]).sum())
-    with suppress(UnwrapError):  # none of them has an area
-        return cut_charts(other, part, quality=quality, area=area)
+    with suppress(UnwrapError):  # none of the faces has an area
+        return cut_charts(mesh_of(mesh, part), part, quality=quality, area=area)
     return None
 
 
-def carried_labels(surface: ChartSurface, halves: Halves, half: Charts) -> IntArray:
+def transferred_labels(surface: ChartSurface, halves: Halves, half: Charts) -> IntArray:
     """(F,) chart of `half` at the mirror image of each face of the other side; else -1."""
     points, faces = surface.points, surface.faces
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
@@ -160,14 +157,14 @@ def _smoothed(labels: IntArray, neighbors: IntArray) -> IntArray:
         for side in range(3):
             same = around[:, side] == around[:, (side + 1) % 3]
             change = same & (around[:, side] != labels)
-            # Not all at a time, because neighbors could swap labels again and again.
+            # Only every second face, since neighbors could otherwise swap labels without end.
             change[round_ % 2 :: 2] = False
             labels[change] = around[change, side]
     return labels
 
 
 def _without_small_parts(labels: IntArray, neighbors: IntArray) -> IntArray:
-    """Give small parts of a label that of the faces around them."""
+    """Relabel small parts of charts like the faces around them."""
     labels = labels.copy()
     for _ in range(_SMOOTHINGS):
         one, side = np.nonzero((neighbors >= 0) & (labels[neighbors] == labels[:, None]))
@@ -181,7 +178,7 @@ def _without_small_parts(labels: IntArray, neighbors: IntArray) -> IntArray:
             break
         around = np.where(neighbors >= 0, labels[neighbors], -1)
         settled = (around >= 0) & ~small[neighbors] & small[:, None]
-        # Each small part takes the chart that it shares most edges with.
+        # Each small part joins the chart that it shares most edges with.
         rows, sides = np.nonzero(settled)
         keys = (parts[rows].astype(np.int64) << 32) + around[rows, sides]
         found, counts = np.unique(keys, return_counts=True)
@@ -193,29 +190,31 @@ def _without_small_parts(labels: IntArray, neighbors: IntArray) -> IntArray:
     return labels
 
 
-def mates_of(pieces: list[ChartPiece], surface: ChartSurface, halves: Halves) -> dict[int, int]:
-    """The piece that mirrors each; those in the middle mirror themselves."""
+def find_counterparts(
+    pieces: list[ChartPiece], surface: ChartSurface, halves: Halves
+) -> dict[int, int]:
+    """Find the piece that is the mirror image of each; in the middle, the piece itself."""
     sides, owners = halves.sides, np.full(len(halves.sides), -1, dtype=np.int32)
     for index, piece in enumerate(pieces):
         owners[piece.face_ids] = index
     images = _images(surface, halves)
-    mates: dict[int, int] = {}
+    counterparts: dict[int, int] = {}
     for index, piece in enumerate(pieces):
         side = sides[piece.face_ids[0]]
         if side == 0:
-            mates[index] = index
+            counterparts[index] = index
         elif side < 0:
             found = owners[images[piece.face_ids]]
             found = found[found >= 0]
             if not len(found):
                 continue
-            mate = int(np.bincount(found).argmax())
-            largest = mates.get(mate)
+            counterpart = int(np.bincount(found).argmax())
+            largest = counterparts.get(counterpart)
             if largest is None or len(pieces[largest].face_ids) < len(piece.face_ids):
                 if largest is not None:
-                    del mates[largest]
-                mates[index], mates[mate] = mate, index
-    return mates
+                    del counterparts[largest]
+                counterparts[index], counterparts[counterpart] = counterpart, index
+    return counterparts
 
 
 def _images(surface: ChartSurface, halves: Halves) -> IntArray:

@@ -1,8 +1,8 @@
-"""Whole bodies: cut along a tree of seams and flattened as one chart, as a sculptor does.
+"""Whole bodies: cut along a tree of seams and flattened as one chart, as an artist would.
 
-The tree reaches the extremities of a body, such as feet, hands and horns; handles are cut open
-first. Then darts follow, each from the place of most stretch to the nearest seam, as long as the
-stretch that it saves is worth its length.
+Handles are cut open first. The tree of seams then extends to the extremities of a body, such as
+feet, hands and horns. Darts follow, each from the place of most stretch to the nearest seam, as
+long as the stretch that they save is worth their length.
 
 Based on: X. Gu, S. Gortler, H. Hoppe, "Geometry Images", 2002 (the cut grows to where the layout
 stretches most). A. Sheffer, J. Hart, "Seamster: Inconspicuous Low-Distortion Texture Seam Layout",
@@ -36,8 +36,8 @@ _PATIENCE = 5  # darts that lower the cost no further, after which no more are t
 # its energy (1 at best) to this power.
 _OUTLINE, _POWER = 1.0, 8.0
 
-_MOST_HANDLES = 6  # of a body with more of them, the loops are longer than seams of many charts
-_ROOTS = 6  # vertices that loops are tried from
+_MOST_HANDLES = 6  # with more, the loops are longer than the seams of many charts
+_ROOTS = 6  # further vertices that loops are searched from
 
 _STEPS = 12  # of the layout after each dart
 _ROUGH, _FINE = 1e-3, 1e-5  # accuracies of layouts

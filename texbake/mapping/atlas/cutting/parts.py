@@ -27,7 +27,7 @@ from texbake.records import dataclass
 # Rounds of averaging normals over neighbors beforehand, so that noise makes no creases.
 _SMOOTHINGS = 1
 
-# Rings of faces in the band in which a border moves, for each of its edges.
+# Width of the band in which a border moves: rings of faces per edge of the border.
 BAND_WIDTH = 0.25
 
 # A step within a polygon: less than any other, as `core/chart_cutting.h` has it.
@@ -70,7 +70,7 @@ def divide_parts(
         part_faces,
         labels,
     )
-    if polygons is not None:  # protected faces are one, and may be many
+    if polygons is not None:  # all protected faces are one polygon, which may be large
         labels[large] = labels[np.flatnonzero(large)[_firsts_of(polygons[large])]]
     _, ranks = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     numbers: IntArray = ranks.astype(np.int32)
@@ -94,7 +94,7 @@ def step_lengths(
 ) -> FloatArray:
     """(F, 3) steps to neighbors, 0 for none, negative within a polygon; `core/face_parts.c`.
 
-    Steps across an edge are the longer, the less a seam costs there, by `weights` (F, 3).
+    The less a seam along an edge costs, by `weights` (F, 3), the longer is the step across it.
     """
     neighbors = np.where(opposite >= 0, opposite // 3, -1).astype(np.int32).reshape(-1, 3)
     lengths = np.empty((len(faces), 3))

@@ -22,13 +22,13 @@ import numpy as np
 
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.cutting.cut import STRIP_SIDES
-from texbake.mapping.atlas.joining.mates import (
+from texbake.mapping.atlas.joining.counterparts import (
     JoinPlan,
-    MatesMerge,
+    PairedMerge,
     PlanKey,
-    find_mates_merge,
+    find_paired_merge,
     plan_join,
-    relax_mates_merge,
+    relax_paired_merge,
 )
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance
@@ -63,12 +63,13 @@ def join_charts(
     most_waste: float = MOST_WASTE,
     most_length: float = math.inf,
     most_work: int = 300,
-    mates_of: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
+    find_counterparts: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
 ) -> Charts:
     """Join neighboring charts, cheapest first, up to a share of the area of the mesh.
 
-    `weights`: (F, 3) costs of seams along edges, those of `edge_weights`: the dearest go first;
-    `mates_of`: the mirror images of pieces, as `mates` has them, which then stay so.
+    `weights`: (F, 3) costs of seams by `edge_weights`: the costliest seams are removed first.
+    `find_counterparts`: returns the index of the mirror image of each piece; joined charts stay
+    mirror images of each other.
     """
     weights = np.ones((len(surface.faces), 3)) if weights is None else weights
     solid = charts.solid
@@ -77,7 +78,7 @@ def join_charts(
     opposite = surface.opposite(solid)
     pieces = pieces_of(surface, charts, opposite)
     area = math.fsum(piece.area for piece in pieces)
-    if mates_of is None:
+    if find_counterparts is None:
         pieces = _compact(pieces, opposite, surface.polygons, area, most_waste)
     if most_chart_l2 is None:
         most_chart_l2 = max(1.0 + 3.0 * (most_l2 - 1.0), 1.1)
@@ -89,8 +90,8 @@ def join_charts(
         chart_length=most_length * math.sqrt(area),
         strip_length=STRIP_SIDES * math.sqrt(area),
     )
-    mates = None if mates_of is None else mates_of(pieces)
-    joining = _Joining(pieces, opposite, weights.ravel(), allowed, mates, surface.threads)
+    counterparts = None if find_counterparts is None else find_counterparts(pieces)
+    joining = _Joining(pieces, opposite, weights.ravel(), allowed, counterparts, surface.threads)
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))
     return charts_of(list(joining.pieces.values()), charts)
 
@@ -102,7 +103,7 @@ def _compact(
     area: float,
     most_waste: float,
 ) -> list[ChartPiece]:
-    """Cut pieces of a surface of some area until they waste at most a share of their hulls."""
+    """Cut pieces of a surface with this area until their hulls have little empty area."""
     return [
         part
         for piece in pieces
@@ -113,7 +114,7 @@ def _compact(
 
 
 def compact_charts(surface: ChartSurface, charts: Charts) -> Charts:
-    """Cut charts as `join_charts` does before it joins them."""
+    """Cut sprawling charts, as `join_charts` does before it joins charts."""
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
     area = math.fsum(piece.area for piece in pieces)
@@ -129,7 +130,7 @@ class _Candidate:
     plan: JoinPlan
     cost: float = 0.0
     effort: int = _GUESSED
-    merge: ChartMerge | MatesMerge | None = None
+    merge: ChartMerge | PairedMerge | None = None
 
     def __lt__(self, than: _Candidate) -> bool:
         return (self.cost, self.one, self.other) < (than.cost, than.one, than.other)
@@ -144,11 +145,11 @@ class _Joining:
         opposite: IntArray,
         weights: FloatArray,
         allowed: MergeTolerance,
-        mates: dict[int, int] | None,
+        counterparts: dict[int, int] | None,
         threads: int | None,
     ) -> None:
         self.pieces = dict(enumerate(pieces))
-        self._mates = mates
+        self._counterparts = counterparts
         self._opposite, self._weights = opposite, weights
         self._threads = threads
         self._owners = np.full(len(opposite) // 3, -1, dtype=np.int32)
@@ -181,7 +182,7 @@ class _Joining:
                 heapq.heapify(self._queue)
 
     def _candidate(self, one: int, other: int, cost: float = 0.0) -> _Candidate:
-        return _Candidate(one, other, plan_join(one, other, self._mates), cost=cost)
+        return _Candidate(one, other, plan_join(one, other, self._counterparts), cost=cost)
 
     def _room(self) -> MergeTolerance:
         """What is left of the allowance."""
@@ -211,7 +212,7 @@ class _Joining:
                 continue
             assert candidate.merge is not None
             if self._room().covers(candidate.merge):
-                self._join(candidate, candidate.merge.made)
+                self._join(candidate, candidate.merge.unions)
                 joined = True
             else:
                 self._waiting.append(candidate)
@@ -238,20 +239,20 @@ class _Joining:
         return candidate.one in self.pieces and candidate.other in self.pieces
 
     def _renew(self, candidate: _Candidate) -> bool:
-        """Whether the mates of a candidate have changed, so that it must be flattened again."""
-        plan = plan_join(candidate.one, candidate.other, self._mates)
+        """Plan a candidate again; return whether its plan, and so its layout, is out of date."""
+        plan = plan_join(candidate.one, candidate.other, self._counterparts)
         changed = plan != candidate.plan
         if changed:
             candidate.plan, candidate.effort, candidate.merge = plan, _GUESSED, None
         return changed
 
     def _look_at(self, candidates: list[_Candidate], n_iterations: int) -> None:
-        """Compute the costs of candidates, and queue those that can be joined at all."""
+        """Compute the costs of candidates, and queue those that can be joined."""
 
         def look(start: int, stop: int) -> None:
             for candidate in candidates[start:stop]:
                 if candidate.merge is None:
-                    candidate.merge = find_mates_merge(
+                    candidate.merge = find_paired_merge(
                         self.pieces,
                         candidate.plan,
                         self._opposite,
@@ -260,7 +261,7 @@ class _Joining:
                         n_iterations=n_iterations,
                     )
                 else:
-                    candidate.merge = relax_mates_merge(
+                    candidate.merge = relax_paired_merge(
                         candidate.merge, self.pieces, candidate.plan, n_iterations=n_iterations
                     )
 
@@ -281,20 +282,20 @@ class _Joining:
         owners = np.unique(self._owners[across[across >= 0] // 3])
         return [int(owner) for owner in owners if owner != index]
 
-    def _join(self, candidate: _Candidate, made: Sequence[ChartPiece]) -> None:
-        """Replace pieces by their unions, whose candidates start with the costs of the pieces."""
+    def _join(self, candidate: _Candidate, unions: Sequence[ChartPiece]) -> None:
+        """Replace pieces by their unions, whose candidates begin with the costs of the pieces."""
         plan = candidate.plan
         known = [self._costs.pop(gone) for gone in plan.members]
         before = [self.pieces.pop(gone) for gone in plan.members]
-        indices = list(range(self._next_index, self._next_index + len(made)))
-        self._next_index += len(made)
-        excess, waste = sum(piece.excess for piece in made), sum(piece.waste for piece in made)
+        indices = list(range(self._next_index, self._next_index + len(unions)))
+        self._next_index += len(unions)
+        excess, waste = sum(piece.excess for piece in unions), sum(piece.waste for piece in unions)
         for piece in before:
             excess -= piece.excess
             waste -= piece.waste
         self._excess += excess
         self._waste += waste
-        for index, piece in zip(indices, made, strict=True):
+        for index, piece in zip(indices, unions, strict=True):
             self.pieces[index] = piece
             self._owners[piece.face_ids] = index
             self._costs[index] = {}
@@ -313,15 +314,15 @@ class _Joining:
                 self._waiting.append(candidate)
 
     def _pair(self, plan: JoinPlan, indices: Sequence[int]) -> None:
-        """Note the mates of joined pieces."""
-        if self._mates is None:
+        """Set the counterparts of unions."""
+        if self._counterparts is None:
             return
         for gone in plan.members:
-            self._mates.pop(gone, None)
-        if plan.mate == "self":
-            self._mates[indices[0]] = indices[0]
-        elif plan.mate == "other":
-            self._mates[indices[0]], self._mates[indices[1]] = indices[1], indices[0]
-        elif isinstance(plan.mate, int):
-            self._mates[indices[0]] = plan.mate
-            self._mates[plan.mate] = indices[0]
+            self._counterparts.pop(gone, None)
+        if plan.counterpart == "self":
+            self._counterparts[indices[0]] = indices[0]
+        elif plan.counterpart == "other":
+            self._counterparts[indices[0]], self._counterparts[indices[1]] = indices[1], indices[0]
+        elif isinstance(plan.counterpart, int):
+            self._counterparts[indices[0]] = plan.counterpart
+            self._counterparts[plan.counterpart] = indices[0]

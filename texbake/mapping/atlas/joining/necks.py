@@ -1,8 +1,8 @@
 """Sprawling charts divided at their necks: where a short cut separates a limb from the rest.
 
-A chart with limbs leaves much of its convex hull empty, and limbs may come to lie on each other. Of
-the chords between two places of its outline, the one is cut that saves the most empty area for its
-length; or that brings the most overlapping faces apart.
+A chart with limbs leaves much of its convex hull empty, and its limbs may overlap. Of the chords
+between two places on the outline, texbake cuts along the one that saves most empty area for its
+length, or that separates most overlapping faces.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.mesh.topology import EdgeGraph, edge_keys, opposite_half_edges, path_back
 from texbake.records import dataclass
 
-_PLACES = 64  # on an outline, that chords lead between
+_PLACES = 64  # on an outline, where chords end
 _INNER = (0.2, 0.5, 0.8)  # points of a chord that must lie in the chart
-_LEAST_SHARE = 0.03  # of the area of a body that a limb has at least
-# Chords whose cut is tried for each division, and faces that are tried at most with them.
+_LEAST_SHARE = 0.03  # least area of a limb, as a share of the body
+# Most chords that are tried for a division, and most faces of the pieces cut in all these trials.
 _MOST_TRIED, _MOST_FACES = 8, 100_000
 _MOST_PARTS = 32
-_LEAST_OVERLAP = 1e-3  # of the area of the body; what overlaps less is left to be repaired
+_LEAST_OVERLAP = 1e-3  # of the area of the body; smaller overlaps are repaired later
 
 
 def divide_at_necks(
@@ -87,7 +87,7 @@ def _divided(
 def _cuts(
     piece: ChartPiece, opposite: IntArray, graph: _PieceGraph, chords: _Chords, order: LongArray
 ) -> Iterator[tuple[list[ChartPiece], float]]:
-    """The parts on both sides of cuts along chords, and the lengths of these cuts."""
+    """Parts on both sides of cuts near chords, and the lengths of the cuts."""
     for number in order.tolist():
         found = graph.sides(int(chords.starts[number]), int(chords.ends[number]))
         if found is not None:

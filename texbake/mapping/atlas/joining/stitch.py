@@ -23,19 +23,19 @@ _NEXT_TO_NOTHING = 0.02
 
 
 class Merge(Protocol):
-    """Pieces flattened as fewer: what that adds, and the stretch of the worst."""
+    """A join of pieces: the stretch and the empty area that it adds."""
 
     @property
     def excess(self) -> float:
-        """What it adds to the stretch; see `MergeTolerance`."""
+        """Stretch that the join adds; see `MergeTolerance`."""
 
     @property
     def waste(self) -> float:
-        """What it adds to the empty area."""
+        """Empty area that the join adds."""
 
     @property
     def l2(self) -> float:
-        """The stretch of the worst."""
+        """L2 stretch of the union that stretches most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +79,7 @@ class ChartMerge:
     share: float  # weighted length along which they are stitched, in lengths of the shorter border
 
     @property
-    def made(self) -> tuple[ChartPiece, ...]:
+    def unions(self) -> tuple[ChartPiece, ...]:
         """The joined piece."""
         return (self.piece,)
 

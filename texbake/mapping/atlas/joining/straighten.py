@@ -1,8 +1,9 @@
-"""Borders between charts move to edges that are cheaper by the weight of each edge.
+"""Borders between charts moved to edges of less weight.
 
-Kernel: `core/border_straightening.c`, which says how. Charts that gain or lose faces are flattened
-again, starting from their layouts, in which new faces unfold. A chart that would stretch more, or
-overlap itself, keeps its borders.
+Charts that gain or lose faces are flattened again, starting from their layouts, next to which new
+faces unfold. A chart that would stretch more, or overlap itself, keeps its borders.
+
+Kernel: `core/border_straightening.c`, which names the method.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _ROOM, _LEAST_ROOM = 1.1, 0.002
 
 
 def straighten_charts(surface: ChartSurface, charts: Charts, weights: FloatArray) -> Charts:
-    """Shorten the borders of charts; edges count by `weights` (F, 3), infinite for no border."""
+    """Shorten borders, weighted by `weights` (F, 3) of edges; infinite where none may run."""
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
     if len(pieces) > 1:
@@ -54,26 +55,26 @@ def _straightened(
     opposite[slits] = -1
     after = before.copy()
     core.straighten_borders(surface.points, surface.corners, opposite, weights, _WIDTH, after)
-    made = list(pieces)
+    current = list(pieces)
     tried, refused = before, np.zeros(len(pieces), dtype=bool)
     while True:
         kept = (after != before) & (refused[before] | refused[after])
         after = np.where(kept, before, after)
         faces = after != tried
         if not faces.any():
-            return made
+            return current
         changed = np.zeros(len(pieces), dtype=bool)
         changed[tried[faces]] = changed[after[faces]] = True
         moved = after != before
         to_lay = np.zeros(len(pieces), dtype=bool)
         to_lay[before[moved]] = to_lay[after[moved]] = True
         for back in np.flatnonzero(changed & ~to_lay).tolist():
-            made[back] = pieces[back]
+            current[back] = pieces[back]
         labels = np.flatnonzero(changed & to_lay).astype(np.int32)
         laid = _laid(surface, opposite, before, after, labels, pieces)
         for label, found in zip(labels.tolist(), laid, strict=True):
             refused[label] |= found is None
-            made[label] = found or pieces[label]
+            current[label] = found or pieces[label]
         tried = after
 
 
@@ -85,7 +86,7 @@ def _laid(
     labels: IntArray,
     pieces: list[ChartPiece],
 ) -> list[ChartPiece | None]:
-    """Flatten the charts of some labels, whose faces have changed; None for one that gets worse."""
+    """Flatten charts, by labels, whose faces have changed; None for a chart that gets worse."""
     face_ids = np.flatnonzero(np.isin(after, labels)).astype(np.int32)
     if not len(face_ids):
         return [None] * len(labels)
@@ -121,7 +122,7 @@ def _unfolded(
     other: IntArray,
     pieces: list[ChartPiece],
 ) -> FloatArray:
-    """(m, 3, 2) layout of faces: that of their chart, and new faces unfold next to it."""
+    """(m, 3, 2) layout of faces: that of their chart, with new faces unfolded next to it."""
     vertices = merged_labels(
         3 * len(face_ids),
         np.concatenate([one, next_half_edges(one)]),

@@ -1,8 +1,9 @@
 """Joins that keep charts mirror images of one another: both of a pair, or a pair in the middle.
 
-A piece has a mate, the piece that is its mirror image; a piece in the middle is its own mate, and a
-piece without a mirror image has none. Joining two pieces also joins their mates. Two mates become a
-piece in the middle, and such a piece takes both of a pair.
+The counterpart of a piece is the piece that is its mirror image. A piece in the middle is its own
+counterpart, and a piece without a mirror image has none. Joining two pieces also joins their
+counterparts. A piece and its counterpart join to a piece in the middle; a piece in the middle joins
+both pieces of a pair at once.
 """
 
 from __future__ import annotations
@@ -22,10 +23,10 @@ from texbake.mapping.atlas.joining.stitch import (
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
-# A chart in the middle may be larger by this factor: it has a seam less than the two halves.
+# A chart in the middle may be larger by this factor: two halves would need one more seam.
 _MIDDLE = 2.5
-# Cost of joining two mates, whose seam would run down the middle, as a share of that of others.
-_MATES_COST = 0.3
+# Factor on the cost of joining a piece and its counterpart, whose seam would run down the middle.
+_PAIR_COST = 0.3
 
 
 PlanKey: TypeAlias = tuple[tuple[int, ...], ...]
@@ -37,9 +38,9 @@ class JoinPlan:
 
     # Groups of pieces that each become one, in the order of their joining.
     groups: tuple[tuple[int, ...], ...]
-    # The mate of the first joined piece: "self", "other" for the second one, "none", or the index
-    # of a piece that is not joined.
-    mate: str | int
+    # Counterpart of the first union: "self", "other" for the second union, "none", or the index of
+    # a piece that is not joined.
+    counterpart: str | int
 
     @property
     def members(self) -> tuple[int, ...]:
@@ -48,22 +49,22 @@ class JoinPlan:
 
     @property
     def key(self) -> PlanKey:
-        """The same for plans that join the same pieces."""
+        """Equal for plans that join the same pieces."""
         return tuple(sorted(tuple(sorted(group)) for group in self.groups))
 
 
-def plan_join(one: int, other: int, mates: Mapping[int, int] | None) -> JoinPlan:
-    """Which pieces are joined if two are; `mates`: of each index, without those that have none."""
-    if mates is None:
+def plan_join(one: int, other: int, counterparts: Mapping[int, int] | None) -> JoinPlan:
+    """Plan to join two pieces; `counterparts`: by the index of each piece that has one."""
+    if counterparts is None:
         return JoinPlan(((one, other),), "none")
-    first, second = mates.get(one), mates.get(other)
+    first, second = counterparts.get(one), counterparts.get(other)
     if first == other:
         return JoinPlan(((one, other),), "self")
     if first is None or second is None:
-        mate = second if first is None else first
-        if mate is None:
+        counterpart = second if first is None else first
+        if counterpart is None:
             return JoinPlan(((one, other),), "none")
-        return JoinPlan(((one, other),), "self" if mate in (one, other) else mate)
+        return JoinPlan(((one, other),), "self" if counterpart in (one, other) else counterpart)
     if first == one:
         group = (one, other) if second == other else (one, other, second)
         return JoinPlan((group,), "self")
@@ -73,26 +74,26 @@ def plan_join(one: int, other: int, mates: Mapping[int, int] | None) -> JoinPlan
 
 
 @dataclass(frozen=True, eq=False)
-class MatesMerge:
-    """Pieces flattened as one or as a pair; see `ChartMerge`."""
+class PairedMerge:
+    """Pieces flattened as one chart or as a mirrored pair; see `ChartMerge`."""
 
-    made: tuple[ChartPiece, ...]
+    unions: tuple[ChartPiece, ...]
     excess: float
     waste: float
     share: float
-    favored: float
+    factor: float  # on the cost
 
     @property
     def l2(self) -> float:
-        """The larger stretch of a joined chart."""
-        return max(piece.l2 for piece in self.made)
+        """The L2 stretch of the union that stretches most."""
+        return max(piece.l2 for piece in self.unions)
 
     def cost(self, scale: MergeTolerance) -> float:
-        """Share of the allowance that it uses, divided by the share that is stitched."""
-        return self.favored * merge_cost(self.excess, self.waste, self.share, scale)
+        """Share of the allowance that the merge uses, divided by the share that is stitched."""
+        return self.factor * merge_cost(self.excess, self.waste, self.share, scale)
 
 
-def find_mates_merge(
+def find_paired_merge(
     pieces: Mapping[int, ChartPiece],
     plan: JoinPlan,
     opposite: IntArray,
@@ -100,12 +101,12 @@ def find_mates_merge(
     *,
     scale: MergeTolerance,
     n_iterations: int,
-) -> ChartMerge | MatesMerge | None:
-    """Flatten the pieces of a plan as it says; None if one of the joins is impossible."""
-    if plan.mate == "self":
+) -> ChartMerge | PairedMerge | None:
+    """Flatten the unions of a plan; None if one of the joins is impossible."""
+    if plan.counterpart == "self":
         scale = replace(scale, chart_area=_MIDDLE * scale.chart_area)
     merges: list[ChartMerge] = []
-    made = []
+    unions = []
     for group in plan.groups:
         piece = pieces[group[0]]
         for index in group[1:]:
@@ -116,39 +117,39 @@ def find_mates_merge(
                 return None
             merges.append(merge)
             piece = merge.piece
-        made.append(piece)
-    if len(merges) == 1 and plan.mate != "self":
+        unions.append(piece)
+    if len(merges) == 1 and plan.counterpart != "self":
         return merges[0]
-    return MatesMerge(
-        tuple(made),
+    return PairedMerge(
+        tuple(unions),
         sum(merge.excess for merge in merges),
         sum(merge.waste for merge in merges),
         sum(merge.share for merge in merges),
-        _MATES_COST if len(merges) == 1 else 1.0,
+        _PAIR_COST if len(merges) == 1 else 1.0,
     )
 
 
-def relax_mates_merge(
-    merge: ChartMerge | MatesMerge,
+def relax_paired_merge(
+    merge: ChartMerge | PairedMerge,
     pieces: Mapping[int, ChartPiece],
     plan: JoinPlan,
     *,
     n_iterations: int,
-) -> ChartMerge | MatesMerge | None:
+) -> ChartMerge | PairedMerge | None:
     """Improve the layout of a merge; None if it then has flips or overlaps."""
     if isinstance(merge, ChartMerge):
         one, other = plan.members
         return relax_merge(merge, pieces[one], pieces[other], n_iterations=n_iterations)
-    made = []
-    for piece in merge.made:
+    unions = []
+    for piece in merge.unions:
         relaxed = relax_piece(piece, n_iterations=n_iterations)
         if relaxed is None:
             return None
-        made.append(relaxed)
+        unions.append(relaxed)
     before = [pieces[index] for index in plan.members]
     return replace(
         merge,
-        made=tuple(made),
-        excess=sum(piece.excess for piece in made) - sum(piece.excess for piece in before),
-        waste=sum(piece.waste for piece in made) - sum(piece.waste for piece in before),
+        unions=tuple(unions),
+        excess=sum(piece.excess for piece in unions) - sum(piece.excess for piece in before),
+        waste=sum(piece.waste for piece in unions) - sum(piece.waste for piece in before),
     )
