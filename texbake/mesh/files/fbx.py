@@ -26,7 +26,7 @@ from texbake.limits import most_triangles
 from texbake.mesh.compose import join_parts
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, rows_not_finite
 from texbake.mesh.files.fbx_nodes import Node
-from texbake.mesh.files.fbx_rig import FbxMotions
+from texbake.mesh.files.fbx_rig import FbxMotions, read_motions
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
@@ -35,7 +35,6 @@ from texbake.mesh.files.fbx_scene import (
     model_geometry,
     model_instances,
     model_objects,
-    read_scene,
 )
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.unread_parts import unread_parts, warn_of_fbx
@@ -52,7 +51,8 @@ _LEAST_TRIANGLES, _CORNERS_PER_BYTE = 6_000_000, 4
 
 def read_fbx(path: PathLike) -> Mesh:
     """Read an FBX file, its first uvs only; see the module for how a scene is converted."""
-    scene = read_scene(path)
+    motions = read_motions(path)
+    scene = motions.scene
     models = model_instances(scene)
     parts = list(read_parts(scene, models))
     if not parts:
@@ -60,7 +60,6 @@ def read_fbx(path: PathLike) -> Mesh:
     if not all(item.is_shown for item in models):
         warn_of(path, "all its meshes are hidden; texbake reads them anyway")
     warn_of_fbx(scene, models)
-    motions = FbxMotions(scene)
     meshes = [part.mesh(path, motions) for part in parts]
     matrices, numbers = np.array([part.matrix for part in parts]), [part.number for part in parts]
     return join_parts(meshes, Path(path).name, matrices, objects=numbers)

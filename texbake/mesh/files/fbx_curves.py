@@ -14,14 +14,14 @@ from texbake.records import dataclass
 
 _TICKS = 46_186_158_000.0  # of a second
 _CONSTANT, _LINEAR, _CUBIC = 2, 4, 8  # bits of the flags of a key
-_NEXT = 0x100  # with constant values: that of the next key
+_NEXT = 0x100  # a constant key has the value of the next one
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A number that changes with time."""
+    """A number over time."""
 
-    times: FloatArray  # (n,) float64; in seconds, rising
+    times: FloatArray  # (n,) float64; in seconds, ascending
     values: FloatArray  # (n,) float64
     flags: npt.NDArray[np.int64]  # (n,)
     slopes: FloatArray  # (n, 2) float64; per second, after each key and before the next
@@ -43,9 +43,9 @@ class Curve:
         bent = share * (1.0 - share)
         cubic = a + u * (b - a) + bent * ((1.0 - share) * left - share * right)
         linear = a + share * (b - a)
-        held = np.where((flags & _NEXT != 0) & (share > 0.0), b, a)
+        constant = np.where((flags & _NEXT != 0) & (share > 0.0), b, a)
         values = np.where(flags & _CUBIC != 0, cubic, linear)
-        return np.where(flags & _CONSTANT != 0, held, values)
+        return np.where(flags & _CONSTANT != 0, constant, values)
 
 
 def read_curve(node: Node) -> Curve | None:

@@ -1,9 +1,9 @@
 """What moves the meshes of an FBX file: models as nodes, clusters as joints, shapes and animations.
 
-Models keep the numbers of `all_models`, after a node that turns and scales the file to Y up and
+Nodes are numbered as `FbxScene.models`, after a node that turns and scales the file to Y up and
 meters. Of an animation, the first layer is read, and sampled at its keys and at least 30 times a
-second, because glTF interpolates rotations in another way than FBX. Of a channel with several
-shapes, the last counts.
+second, because glTF interpolates rotations in another way than FBX. Of the shapes of a
+channel, the last is its morph target.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; B. Raiskila, "ufbx", 2020, for the matrices
 of clusters and for the flags of keys.
@@ -27,22 +27,22 @@ from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
     Id,
-    all_models,
     geometric,
     local_matrices,
     model_instances,
     model_objects,
     model_properties,
     read_scene,
-    scene_axes,
     vectors,
 )
 from texbake.mesh.files.node_matrices import (
     decomposed,
     inverse,
+    matrix_field,
     node_fields,
     node_matrix,
 )
+from texbake.mesh.files.source import parsed
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.rig import Rig, RigObject, moving_ancestors
@@ -58,8 +58,7 @@ class FbxMotions:
 
     def __init__(self, scene: FbxScene) -> None:
         self.scene = scene
-        self.models = all_models(scene)
-        self.numbers: dict[Id, int] = {m.model.key: i + 1 for i, m in enumerate(self.models)}
+        self.numbers: dict[Id, int] = {m.model.key: i + 1 for i, m in enumerate(scene.models)}
 
     def clusters(self, geometry: FbxObject) -> list[tuple[int, FbxObject]]:
         """Clusters of a geometry, each with the number of its joint."""
@@ -107,9 +106,11 @@ class FbxMotions:
         self, geometry: FbxObject, n_vertices: int
     ) -> tuple[npt.NDArray[np.int32], FloatArray]:
         """(V, K) joints and weights of the vertices of a geometry by its clusters."""
-        rows = [np.zeros(0, np.int64)]
-        joints, weights = [np.zeros(0, np.int64)], [np.zeros(0)]
-        for joint, cluster in self.clusters(geometry):
+        clusters = self.clusters(geometry)
+        if not clusters:
+            return np.zeros((n_vertices, 1), np.int32), np.zeros((n_vertices, 1))
+        rows, joints, weights = [], [], []
+        for joint, cluster in clusters:
             indices = cluster.node.numbers("Indexes").astype(np.int64)
             values = cluster.node.numbers("Weights").astype(np.float64)
             n = min(len(indices), len(values))
@@ -135,7 +136,7 @@ class FbxMotions:
     @cached_property
     def parents(self) -> list[int]:
         """Number of the parent of each node."""
-        parents = [m.parent for m in self.models]
+        parents = [m.parent for m in self.scene.models]
         return [-1, *(0 if parent is None else self.numbers[parent] for parent in parents)]
 
     @cached_property
@@ -182,7 +183,7 @@ class FbxMotions:
 
 
 def _morph(node: Node, n_vertices: int) -> Morph:
-    """Displacements of a shape."""
+    """Morph target of a shape."""
     indices = node.numbers("Indexes").astype(np.int64)
     moves = node.numbers("Vertices").astype(np.float64)
     n = min(len(indices), len(moves) // 3)
@@ -193,28 +194,36 @@ def _morph(node: Node, n_vertices: int) -> Morph:
     return Morph.of_rows(rows)
 
 
+def read_motions(path: PathLike) -> FbxMotions:
+    """Read an FBX file with what moves its geometries; in a block of `parsed_once`, once."""
+    return parsed(path, _read_motions)
+
+
+def _read_motions(path: PathLike) -> FbxMotions:
+    return FbxMotions(read_scene(path))
+
+
 def read_fbx_rig(path: PathLike) -> Rig:
     """Read the models of an FBX file as nodes, with skins, shapes and animations."""
-    scene = read_scene(path)
-    return _RigMaker(scene).rig()
+    return _RigReader(read_motions(path)).read()
 
 
-class _RigMaker:
-    def __init__(self, scene: FbxScene) -> None:
-        self.scene, self.motions = scene, FbxMotions(scene)
-        self.axes = scene_axes({k: v for k, v in scene.settings.items() if _are_numbers(v)})
+class _RigReader:
+    def __init__(self, motions: FbxMotions) -> None:
+        self.scene, self.motions = motions.scene, motions
         self.arrays: dict[int, npt.NDArray[np.float32]] = {}
-        # Channels of shapes: their nodes, and their places among the targets of those.
+        # For each channel of shapes: nodes, and the number of its morph target there.
         self.targets: dict[Id, list[tuple[int, int]]] = {}
         self.n_morphs: dict[int, int] = {}
         self.n_samples = 0
 
-    def rig(self) -> Rig:
-        """Return the whole."""
-        models, parents = self.motions.models, list(self.motions.parents)
-        nodes: list[dict[str, Any]] = [{"name": "axes", "matrix": self.axes.T.ravel().tolist()}]
-        self.world = [np.eye(4)]  # of the nodes, which have no shear; meshes get that instead
-        for number, item in enumerate(models, start=1):
+    def read(self) -> Rig:
+        """Return the rig of the scene."""
+        parents = list(self.motions.parents)
+        nodes: list[dict[str, Any]] = [{"name": "axes", **matrix_field(self.scene.axes)}]
+        # Of the nodes, which cannot have shear: it goes into the meshes.
+        self.world = [np.eye(4)]
+        for number, item in enumerate(self.scene.models, start=1):
             placed = item.transform.matrix
             above = inverse(self.world[parents[number]])
             if above is None and inverse(placed) is not None:
@@ -249,7 +258,7 @@ class _RigMaker:
         for key, (item, geometry) in enumerate(model_objects(self.scene, models)):
             number = self.motions.numbers[item.model.key]
             clusters = self.motions.clusters(geometry)
-            matrix = pm.matmul(self.axes, self.world[number])
+            matrix = pm.matmul(self.scene.axes, self.world[number])
             if clusters:
                 matrix = item.matrix
                 nodes[number]["skin"] = len(skins)
@@ -303,7 +312,7 @@ class _RigMaker:
     def _channels(
         self, curves: dict[tuple[Id, str], dict[int, Curve]]
     ) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
-        """Yield node, property, times and values of all that an animation moves."""
+        """Yield node, property, times and values of each animated property."""
         numbers = self.motions.numbers
         models = dict.fromkeys(key for key, path in curves if key in numbers and path in _PLACES)
         for key in models:
@@ -331,7 +340,7 @@ class _RigMaker:
             yield node, "weights", times, weights.reshape(-1, 1)
 
     def _times(self, curves: list[Curve], width: int = 1) -> FloatArray:
-        """Times at which curves are sampled, for rows of so many values."""
+        """Times at which to sample curves, where each sample has `width` values."""
         keys = np.unique(np.concatenate([curve.times for curve in curves]))
         span = float(keys[-1] - keys[0])
         left = max((_MOST_SAMPLES - self.n_samples) // width, 64)
@@ -339,7 +348,7 @@ class _RigMaker:
         n = min(int(span * _RATE) + 1, left)
         grid = keys[0] + span * np.arange(n) / max(n - 1, 1)
         times: FloatArray = np.unique(np.concatenate([keys, grid]))
-        # Nothing closer than a thousandth of a second, which float32 may not tell apart.
+        # Closer than a thousandth of a second, times may be equal in float32.
         times = times[np.append(True, np.diff(times) > 1e-3)]
         self.n_samples += width * len(times)
         return times
@@ -350,7 +359,7 @@ def _n_vertices(geometry: FbxObject) -> int:
 
 
 def _bind(cluster: FbxObject, local: FloatArray) -> FloatArray:
-    """(4, 4) matrix from a geometry to the joint of a cluster, by that from it to its model."""
+    """(4, 4) matrix from a geometry to the joint of a cluster; `local` leads to the model."""
     values = cluster.node.numbers("Transform").astype(np.float64)
     return pm.matmul(values.reshape(4, 4).T if len(values) == 16 else np.eye(4), local)
 
@@ -360,7 +369,3 @@ def _sampled(axes: dict[int, Curve], times: FloatArray, default: FloatArray) -> 
     for axis, curve in axes.items():
         rows[:, axis] = curve.at(times)
     return rows
-
-
-def _are_numbers(values: list[Any]) -> bool:
-    return all(isinstance(value, int | float) for value in values)

@@ -72,6 +72,16 @@ class FbxScene:
     first_images: dict[Id, tuple[bytes | None, str]] = field(default_factory=dict, repr=False)
     _members: dict[tuple[Id, str], list[FbxObject]] = field(default_factory=dict, repr=False)
 
+    @cached_property
+    def axes(self) -> FloatArray:
+        """(4, 4) matrix from the axes and the unit of the file to Y up, Z to the front, meters."""
+        return scene_axes(_numbers(self.settings))
+
+    @cached_property
+    def models(self) -> list[ModelInstance]:
+        """All models, depth first, each after its parent."""
+        return _all_models(self)
+
     def members_of(self, key: Id, node_name: str) -> list[FbxObject]:
         """Objects of a kind of node that are connected to an object, in order."""
         if (key, node_name) not in self._members:
@@ -189,13 +199,11 @@ class ModelInstance:
 
 def model_instances(scene: FbxScene) -> list[ModelInstance]:
     """Models that are shown, or all if no mesh is, depth first, each after its parent."""
-    found = all_models(scene)
-    shown = [item for item in found if item.is_shown]
-    return shown if any(model_geometry(scene, item.model) for item in shown) else found
+    shown = [item for item in scene.models if item.is_shown]
+    return shown if any(model_geometry(scene, item.model) for item in shown) else scene.models
 
 
-def all_models(scene: FbxScene) -> list[ModelInstance]:
-    """All models, depth first, each after its parent."""
+def _all_models(scene: FbxScene) -> list[ModelInstance]:
     models = {key: item for key, item in scene.objects.items() if item.node.name == "Model"}
     children: dict[Id, list[Id]] = {}
     seen: set[Id] = set()
@@ -208,14 +216,13 @@ def all_models(scene: FbxScene) -> list[ModelInstance]:
     pending: list[tuple[Id, NodeTransform, bool, Id | None]]
     pending = [(key, WORLD, True, None) for key in reversed(models) if key not in seen]
     found = []
-    axes = scene_axes(_numbers(scene.settings))
     while pending:
         key, parent, is_shown, above = pending.pop()
         model = models[key]
         properties = model_properties(scene, model)
         with np.errstate(over="ignore", invalid="ignore"):
             here = place(parent, properties)
-            matrix = pm.matmul(pm.matmul(axes, here.matrix), geometric(properties))
+            matrix = pm.matmul(pm.matmul(scene.axes, here.matrix), geometric(properties))
         if not np.isfinite(matrix).all():
             raise MeshError(
                 f"{scene.path}: model {quoted(model.name)}: its transform is not finite"
@@ -280,12 +287,9 @@ WORLD = NodeTransform(np.eye(4), np.eye(3), np.ones(3))
 
 def place(parent: NodeTransform, properties: Properties) -> NodeTransform:
     """Place a model in its parent, by the way its `InheritType` says."""
-    translation, turns = (
-        vectors(properties, "Lcl Translation"), vectors(properties, "Lcl Rotation"),
-    )  # fmt: skip
     scaling = vectors(properties, "Lcl Scaling")
-    rotation = _local_rotation(properties, turns)
-    local = _local(properties, translation, rotation, scaling)
+    rotation = _local_rotation(properties, vectors(properties, "Lcl Rotation"))
+    local = _local(properties, vectors(properties, "Lcl Translation"), rotation, scaling)
     kind = _integer(properties, "InheritType", _USUAL)
     matrix = pm.matmul(parent.matrix, local)
     turned = pm.matmul(parent.rotation, rotation)
@@ -308,17 +312,11 @@ def local_matrices(
     properties: Properties, translations: FloatArray, turns: FloatArray, scalings: FloatArray
 ) -> FloatArray:
     """(n, 4, 4) matrices of a model in its parent, from (n, 3) values of what may be animated."""
-    rows = zip(translations, turns, scalings, strict=True)
-    return np.stack(
-        [
-            _local(properties, translation, _local_rotation(properties, turn), scaling)
-            for translation, turn, scaling in rows
-        ]
-    )
+    return _local(properties, translations, _local_rotation(properties, turns), scalings)
 
 
 def _local_rotation(properties: Properties, turns: FloatArray) -> FloatArray:
-    """(3, 3) rotation of a model in its parent."""
+    """(..., 3, 3) rotations of a model in its parent, from (..., 3) angles in degrees."""
     is_active = bool(_integer(properties, "RotationActive", 0))
     order = _ORDERS[_integer(properties, "RotationOrder", 0) % 6 if is_active else 0]
     rotation = _rotation(turns, order)
@@ -332,16 +330,17 @@ def _local_rotation(properties: Properties, turns: FloatArray) -> FloatArray:
 def _local(
     properties: Properties, translation: FloatArray, rotation: FloatArray, scaling: FloatArray
 ) -> FloatArray:
-    """(4, 4) matrix of a model in its parent."""
+    """(..., 4, 4) matrices of a model in its parent."""
     pivot = _vector(properties, "RotationPivot")
     center = _vector(properties, "ScalingPivot")
     # Points stay in place under scaling at its pivot, and under rotation at the other.
     scaled = center - scaling * center + _vector(properties, "ScalingOffset") - pivot
-    local = np.eye(4)
-    local[:3, :3] = rotation * scaling
-    local[:3, 3] = (
-        pm.matmul(rotation, scaled) + pivot + _vector(properties, "RotationOffset") + translation
+    local = np.zeros((*scaling.shape[:-1], 4, 4))
+    local[..., :3, :3] = rotation * scaling[..., None, :]
+    local[..., :3, 3] = (
+        pm.matvec(rotation, scaled) + pivot + _vector(properties, "RotationOffset") + translation
     )
+    local[..., 3, 3] = 1.0
     return local
 
 
@@ -355,16 +354,17 @@ def geometric(properties: Properties) -> FloatArray:
 
 
 def _rotation(degrees: FloatArray, order: str = "xyz") -> FloatArray:
-    """(3, 3) rotation by three angles about the axes, one axis after the other."""
-    matrix = np.eye(3)
+    """(..., 3, 3) rotations by (..., 3) angles about the axes, one axis after the other."""
+    angles = np.where(np.isfinite(degrees), np.radians(degrees), np.nan)
+    cos, sin = pm.cos(angles), pm.sin(angles)
+    matrix: FloatArray = np.eye(3)
     for axis in order:
         i = "xyz".index(axis)
         j, k = (i + 1) % 3, (i + 2) % 3
-        angle = math.radians(degrees[i]) if math.isfinite(degrees[i]) else math.nan
-        turn = np.eye(3)
-        turn[j, j] = turn[k, k] = pm.cos(angle)
-        turn[k, j] = pm.sin(angle)
-        turn[j, k] = -turn[k, j]
+        turn = np.zeros((*degrees.shape, 3))
+        turn[..., i, i] = 1.0
+        turn[..., j, j] = turn[..., k, k] = cos[..., i]
+        turn[..., k, j], turn[..., j, k] = sin[..., i], -sin[..., i]
         matrix = pm.matmul(turn, matrix)
     return matrix
 

@@ -1,4 +1,4 @@
-"""Matrices of nodes: made of translation, rotation and scale, taken apart, and inverted."""
+"""Matrices of nodes: composed of translation, rotation and scale, decomposed, and inverted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LEAST_DETERMINANT = 1e-12
 
 
 def rotation_matrices(quaternions: FloatArray) -> FloatArray:
-    """(n, 3, 3) matrices of quaternions; one of length 0 turns nothing."""
+    """(n, 3, 3) matrices of quaternions; one of length 0 is the identity."""
     lengths = np.sqrt(pm.matmul(quaternions[:, None], quaternions[:, :, None]))[:, :, 0]
     units = np.tile([0.0, 0.0, 0.0, 1.0], (len(quaternions), 1))
     np.divide(quaternions, lengths, out=units, where=lengths > 0.0)
@@ -29,7 +29,7 @@ def rotation_matrices(quaternions: FloatArray) -> FloatArray:
 
 
 def decomposed(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Translations, rotations as quaternions that turn little by little, and scales."""
+    """Translations, rotations and scales; each quaternion has the sign nearer to the one before."""
     linear = matrices[:, :3, :3]
     scales = np.sqrt((linear * linear).sum(axis=1))
     scales[pm.det(linear) < 0.0, 0] *= -1.0
@@ -53,9 +53,14 @@ def decomposed(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
 
 
 def node_fields(matrix: FloatArray) -> dict[str, list[float]]:
-    """Translation, rotation and scale of a node with a (4, 4) matrix; shear, it cannot have."""
+    """Translation, rotation and scale of a node with a (4, 4) matrix; shear is lost."""
     rows = (values[0].tolist() for values in decomposed(matrix[None]))
     return dict(zip(("translation", "rotation", "scale"), rows, strict=True))
+
+
+def matrix_field(matrix: FloatArray) -> dict[str, list[float]]:
+    """A (4, 4) matrix as a field of a node, column after column."""
+    return {"matrix": matrix.T.ravel().tolist()}
 
 
 def node_matrix(node: Mapping[str, Any]) -> FloatArray:
@@ -82,6 +87,6 @@ def inverse(matrix: FloatArray) -> FloatArray | None:
 
 
 def inverse_or_identity(matrix: FloatArray) -> FloatArray:
-    """Inverse of a (4, 4) matrix; where it has none, the matrix that moves nothing."""
+    """Inverse of a (4, 4) matrix; the identity where it has none."""
     found = inverse(matrix)
     return np.eye(4) if found is None else found
