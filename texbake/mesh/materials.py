@@ -11,7 +11,7 @@ KHR_materials_specular and KHR_materials_transmission.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
 from importlib import import_module
 from pathlib import Path
@@ -120,7 +120,7 @@ class MeshMaterial:
     alpha_cutoff: float = 0.5
     is_double_sided: bool = False
     is_unlit: bool = False  # shown in its base color, whatever the light
-    # extensions of glTF that are carried along, by name: properties, a texture as `ChannelImage`
+    # Properties of glTF extensions that texbake carries along, by name; textures as `ChannelImage`.
     extensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
@@ -251,6 +251,18 @@ class MissingParts:
     def fields(self) -> dict[str, Any]:
         """Return them as fields of `Materials`."""
         return {"missing": tuple(self.lines), "missing_images": tuple(self.images)}
+
+
+def materials_by_face(mesh: Mesh, of_groups: Sequence[Any]) -> tuple[list[Any], IntArray] | None:
+    """Distinct materials of the groups of a mesh, in order, and (F,) the number of each face's.
+
+    None where the mesh has other groups.
+    """
+    if mesh.face_groups is None or len(of_groups) != len(mesh.group_names):
+        return None
+    numbers = {item: number for number, item in enumerate(dict.fromkeys(of_groups))}
+    rows = np.array([numbers[item] for item in of_groups], np.int32)
+    return list(numbers), rows[mesh.face_groups]
 
 
 _READERS = {

@@ -37,6 +37,7 @@ from texbake.mesh.materials import (
     MissingParts,
     Placing,
     is_sheared,
+    materials_by_face,
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 from texbake.records import dataclass
@@ -52,20 +53,20 @@ def read_fbx_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     used: list[FbxObject | None] = []
     for part in parts:
         used += map(part.material, np.unique(part.geometry.face_materials).tolist())
-    if not any(used) or mesh.face_groups is None or len(used) != len(mesh.group_names):
+    found = materials_by_face(mesh, used)
+    if found is None or not any(used):
         return None
-    numbers = {item: i for i, item in enumerate(dict.fromkeys(used))}
-    of_groups = np.array([numbers[item] for item in used], np.int32)
+    distinct, face_materials = found
     # Sets of texture coordinates by their names, but for the first sets.
     names = dict.fromkeys(name for part in parts for name in part.geometry.uv_sets)
     reader = _MaterialReader(scene, {name: 1 + i for i, name in enumerate(names)})
-    materials = tuple(map(reader.material, numbers))
+    materials = tuple(map(reader.material, distinct))
     if scene.version < 7000 and any(scene.members_of(part.model.key, "Texture") for part in parts):
         reader.missing.add("base-color", "textures of models are not read, only those of materials")
     uv_sets = _uv_sets(parts, mesh, reader.uv_numbers)
     materials = tuple(material.on_uv_sets({0, *uv_sets}) for material in materials)
     return Materials(
-        face_materials=of_groups[mesh.face_groups],
+        face_materials=face_materials,
         materials=_without_shear(materials, mesh, uv_sets),
         uv_sets=uv_sets,
         **reader.missing.fields(),

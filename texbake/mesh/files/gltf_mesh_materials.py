@@ -40,6 +40,7 @@ from texbake.mesh.materials import (
     MeshMaterial,
     MissingParts,
     Placing,
+    materials_by_face,
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 from texbake.records import dataclass
@@ -55,20 +56,17 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         if "mesh" in node:
             source, index = document.item("meshes", node["mesh"]), node["mesh"]
             if index not in of_meshes:
-                found = document.objects(source, "primitives")
-                of_meshes[index] = [item for item in found if triangle_count(document, item)]
+                items = document.objects(source, "primitives")
+                of_meshes[index] = [item for item in items if triangle_count(document, item)]
             primitives += of_meshes[index]
     used = [material_index(document, primitive) for primitive in primitives]
-    if mesh.face_groups is None or len(used) != len(mesh.group_names):
+    found = materials_by_face(mesh, used)
+    if found is None or (all(index is None for index in used) and mesh.colors is None):
         return None
-    if all(index is None for index in used) and mesh.colors is None:
-        return None
-    order = list(dict.fromkeys(used))
-    numbers = {index: i for i, index in enumerate(order)}
-    of_groups = np.array([numbers[index] for index in used], dtype=np.int32)
+    order, face_materials = found
     reader = _MaterialReader(document)
     on_all_sets = Materials(
-        face_materials=of_groups[mesh.face_groups],
+        face_materials=face_materials,
         materials=tuple(reader.material(index) for index in order),
         has_vertex_colors=mesh.colors is not None,
     )
@@ -104,8 +102,8 @@ class _MaterialReader:
             source = self._source(FILE_CHANNELS[name], part, material.name)
             if source is not None:
                 channels[name] = source
-        given = {} if index is None else self.document.item("materials", index)
-        extensions = self.document.mapping(given, "extensions")
+        content = {} if index is None else self.document.item("materials", index)
+        extensions = self.document.mapping(content, "extensions")
 
         def image_of(key: str, texture: GltfTexture) -> ChannelImage | None:
             image = self._image(key, (0, 1, 2), texture, material.name)
@@ -135,8 +133,8 @@ class _MaterialReader:
         for number in sorted(numbers):
             rows = [primitive_uvs(self.document, primitive, number) for primitive in primitives]
             if mesh.uvs is None or sum(lengths) != len(mesh.uvs):
-                line = f"images lie on TEXCOORD_{number}, and the mesh has no TEXCOORD_0"
-                self.missing.add("", f"{line}; they are left out")
+                line = f"the mesh has no TEXCOORD_0; images on TEXCOORD_{number} are left out"
+                self.missing.add("", line)
                 continue
             sets[number] = np.concatenate(
                 [

@@ -36,6 +36,7 @@ from texbake.mesh.materials import (
     MeshMaterial,
     MissingParts,
     Placing,
+    materials_by_face,
 )
 from texbake.mesh.mesh import Mesh
 from texbake.records import dataclass
@@ -53,13 +54,11 @@ _CLASSES = {made.__name__: made for made in (Materials, MeshMaterial, ChannelSou
 def read_usd_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Read the materials of a USD file; None where no face has one."""
     found: Materials | None = read_in_child(path, "materials", _CLASSES)
+    if found is None:
+        return None
     # The groups of the mesh are those of the file, in its order.
-    if found is None or mesh.face_groups is None:
-        return None
-    of_groups = found.face_materials
-    if len(of_groups) != len(mesh.group_names):
-        return None
-    return replace(found, face_materials=of_groups[mesh.face_groups])
+    of_faces = materials_by_face(mesh, found.face_materials.tolist())
+    return None if of_faces is None else replace(found, face_materials=of_faces[1])
 
 
 def materials_of_stage(path: PathLike) -> Materials | None:
