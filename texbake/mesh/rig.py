@@ -1,9 +1,9 @@
 """What moves a mesh and stands beside it in its file: nodes, skins, animations, cameras, lights.
 
 A `Mesh` is one list of triangles where its file has nodes with meshes. A `Rig` says which node each
-object of the mesh came from and where that stands, so that a writer can put the triangles back.
-All else is glTF's own JSON: texbake carries it through and looks only at what it needs. Readers of
-other formats make that JSON of what their files have.
+object of the mesh came from, and where the node stands, so that a writer can put the triangles
+back. All else is glTF's own JSON, which texbake carries along. Readers of other formats build that
+JSON from their files.
 """
 
 from __future__ import annotations
@@ -19,19 +19,20 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.files import PathLike
+from texbake.mesh.files.node_matrices import matrix_field
 from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RigObject:
-    """An object of a mesh: where it hangs."""
+    """An object of a mesh, and the node that carries it."""
 
-    node: int  # number of its node
-    matrix: FloatArray  # (4, 4) float64; of the mesh of the node to the positions of `Mesh`
+    node: int  # number of the node
+    matrix: FloatArray  # (4, 4) float64; from the mesh of the node to the positions of `Mesh`
     fields: Mapping[str, Any] = field(default_factory=dict)  # glTF's fields of its mesh
     n_morphs: int = 0
-    ignores_node: bool = False  # its node does not move it, because a skin does or did
+    ignores_node: bool = False  # whether a skin moves the object, or did, instead of its node
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,27 +71,24 @@ class Rig:
         return any(item.n_morphs or "skin" in self.nodes[item.node] for item in items)
 
     def object_of(self, group: int, mesh: Mesh) -> RigObject | None:
-        """Return where a group of a mesh hangs; None where its objects were joined."""
+        """Return the object that a group of a mesh belongs to; None where objects were joined."""
         if mesh.group_objects:
             return self.objects.get(mesh.group_objects[group])
         return next(iter(self.objects.values())) if len(self.objects) == 1 else None
 
     def fits(self, mesh: Mesh) -> bool:
-        """Whether each group of a mesh has a place in it."""
+        """Whether each group of a mesh belongs to an object of the rig."""
         groups = range(len(mesh.group_names)) if mesh.face_groups is not None else [0]
         return all(self.object_of(group, mesh) is not None for group in groups)
 
     def transformed(self, matrix: FloatArray) -> Rig:
-        """Return that of a mesh whose positions were moved by a (4, 4) matrix."""
+        """Return the rig of a mesh whose positions a (4, 4) matrix has transformed."""
         if (matrix == np.eye(4)).all():
             return self
         number = len(self.nodes)
         scenes = [dict(scene) for scene in self.content["scenes"]]
         first = scenes[self.content.get("scene", 0)]
-        root = {
-            "name": "transform", "matrix": matrix.T.ravel().tolist(),
-            "children": first.get("nodes", []),
-        }  # fmt: skip
+        root = {"name": "transform", **matrix_field(matrix), "children": first.get("nodes", [])}
         first["nodes"] = [number]
         objects = {
             key: replace(item, matrix=pm.matmul(matrix, item.matrix))
@@ -120,7 +118,7 @@ _READERS = {
 def moving_ancestors(
     places: Iterable[int], parents: Sequence[int], moving: set[int]
 ) -> dict[int, int]:
-    """Nearest moving node of each node, itself or above; those without one are left out."""
+    """Nearest moving node of each node: itself or an ancestor; absent where none moves."""
     known: dict[int, int] = {}
     for place in places:
         at = place

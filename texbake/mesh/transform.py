@@ -24,7 +24,7 @@ from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh, UvSet, check_face_count
 from texbake.mesh.options import MOST_SUBDIVISIONS, UNITS, TransformOptions
 from texbake.mesh.polygons import Outlines, next_corners, outlines, triangulated
-from texbake.mesh.weld import unique_rows
+from texbake.mesh.weld import row_sums, unique_rows
 
 # Takes a mesh whose z axis points up to one whose y axis does.
 Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])
@@ -142,20 +142,20 @@ def _refined(
     heads = keys[at]
     is_sharp = np.bincount(edge_of) != 2
 
-    centers = _sums(polygon_of, values[corners], len(sizes)) / sizes[:, None]
+    centers = row_sums(polygon_of, values[corners], len(sizes)) / sizes[:, None]
     middles = values[heads].sum(axis=1) / 2
-    around = _sums(edge_of, centers[polygon_of], len(at))
+    around = row_sums(edge_of, centers[polygon_of], len(at))
     edges = np.where(is_sharp[:, None], middles, middles / 2 + around / 4)
 
     counts = np.bincount(corners, minlength=n)
-    inner = _sums(corners, centers[polygon_of], n)
+    inner = row_sums(corners, centers[polygon_of], n)
     sharp_heads, others = heads[is_sharp].ravel(), heads[is_sharp][:, ::-1].ravel()
     n_sharp = np.bincount(sharp_heads, minlength=n)
     # Every edge of a vertex without sharp ones leaves it once, along one of its polygons.
-    inner += _sums(corners, 2 * middles[edge_of], n)
+    inner += row_sums(corners, 2 * middles[edge_of], n)
     number = np.maximum(counts, 1)[:, None]
     smooth = (inner / number + (number - 3) * values) / number
-    curve = 0.75 * values + _sums(sharp_heads, values[others], n) / 8
+    curve = 0.75 * values + row_sums(sharp_heads, values[others], n) / 8
     is_curve = (n_sharp == 2) & (counts > 1) & (not keep_borders)
     points = np.where(((n_sharp == 0) & (counts > 0))[:, None], smooth, values)
     points = np.where(is_curve[:, None], curve, points)
@@ -164,8 +164,3 @@ def _refined(
     before[following] = np.arange(len(corners))
     quads = np.stack([corners, n + edge_of, n + len(at) + polygon_of, n + edge_of[before]], axis=1)
     return np.concatenate([points, edges, centers]), quads
-
-
-def _sums(numbers: Int64Array, rows: FloatArray, n: int) -> FloatArray:
-    """(n, K) sums of the rows of each number."""
-    return np.stack([np.bincount(numbers, column, n) for column in rows.T], axis=1)

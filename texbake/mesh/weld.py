@@ -151,3 +151,8 @@ def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> BoolArray:
         copies = np.flatnonzero(later)
         later[copies[np.unique(firsts[copies], return_index=True)[1]]] = False
     return np.asarray(later)
+
+
+def row_sums(numbers: npt.NDArray[Any], rows: FloatArray, n: int) -> FloatArray:
+    """(n, K) sums of the rows of each number."""
+    return np.stack([np.bincount(numbers, column, n) for column in rows.T], axis=1)

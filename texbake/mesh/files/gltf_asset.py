@@ -39,7 +39,7 @@ from texbake.mesh.mesh import Int64Array
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
 _COMPONENTS = {dtype.name: code for code, dtype in gltf.COMPONENTS.items()}
-_MOST_SPARSE = 0.6  # share of displacements that are not zero, with an index each
+_MOST_SPARSE = 0.6  # share of rows that are not zero, up to which displacements are sparse
 _NEAREST_MIPS, _TRILINEAR = 9984, 9987
 _WRAPS = {name: code for code, name in gltf.WRAPS.items()}
 # Images that glTF itself does not name, by the extensions that do.
@@ -128,7 +128,7 @@ class GltfAsset:
         }
 
     def add_morph(self, columns: dict[str, npt.NDArray[Any]]) -> dict[str, int]:
-        """Add displacements (n, 3) by a morph target, as few rows as are not zero."""
+        """Add the displacements (n, 3) of a morph target; sparse where many rows are zero."""
         return {name: self._add_displacements(name, rows) for name, rows in columns.items()}
 
     def _add_displacements(self, name: str, rows: npt.NDArray[Any]) -> int:
@@ -149,18 +149,13 @@ class GltfAsset:
         return self._add_accessor(rows, _VERTICES, bounded=bounded, sparse=sparse)
 
     def add_array(self, rows: npt.NDArray[Any], *, bounded: bool = False) -> int:
-        """Add the rows of an array that are no vertices, as they are."""
+        """Add the rows of an array that are not vertices, uncompressed."""
         view = self._add_view(np.ascontiguousarray(rows).tobytes())
         return self._add_accessor(rows, 0, bounded=bounded, bufferView=view)
 
     def adopt(self, content: dict[str, Any]) -> None:
-        """Put lists of the file, such as nodes and scenes, in place of its own."""
+        """Replace lists of the asset, such as nodes and scenes."""
         self._json |= content
-
-    def meshes_with_targets(self) -> set[int]:
-        """Return the meshes that have morph targets."""
-        meshes = enumerate(self._json["meshes"])
-        return {i for i, mesh in meshes if any("targets" in each for each in mesh["primitives"])}
 
     def add_node(self, name: str, **fields: Any) -> int:
         """Add a node that is in no scene yet, and return its index."""

@@ -1,14 +1,14 @@
 """Writing a `Rig` as glTF: objects of a mesh put back where their nodes are.
 
-Codes of quantized positions count from one corner of the whole mesh, so an object that nothing
-bends gets a node below its own that takes the codes there; all others keep floats. A skinned object
-is written where `Mesh` has it, in the pose that it is stored in, and its skin binds it there. One
-that its node cannot hold in its place gets a node of its own at the root of the scene.
+Quantized positions count from one corner of the whole mesh, so a rigid object gets a node below its
+own, whose matrix undoes the quantization; objects with joints or morph targets keep floats. A
+skinned object is written where `Mesh` has it, in the pose that it is stored in, and its skin binds
+it there. An object whose node cannot place it gets a node of its own at the root of the scene.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
 
@@ -19,7 +19,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import Quantization
 from texbake.mesh.files.gltf_vertices import Frame
-from texbake.mesh.files.node_matrices import inverse
+from texbake.mesh.files.node_matrices import inverse, matrix_field
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, RigObject
 
@@ -33,7 +33,8 @@ class RigWriter:
         self.scene: list[int] = list(rig.content["scenes"][0]["nodes"])
         self.placed_apart: dict[str, list[str]] = {}  # objects at the root, by the reason
         self._apart: dict[int, int] = {}  # the nodes of those, by the nodes that they came from
-        self._accessors: dict[int, int] = {}  # those written, by their numbers in the rig
+        self._with_targets: set[int] = set()  # meshes with morph targets
+        self._accessors: dict[tuple[int, bool], int] = {}  # of the arrays of the rig, written once
 
     def frame(self, item: RigObject, mesh: Mesh, faces: npt.NDArray[np.intp]) -> Frame:
         """Return the space in which the faces of an object are written."""
@@ -63,11 +64,14 @@ class RigWriter:
     ) -> None:
         """Add the mesh of an object, and hang it on its node."""
         fields = dict(item.fields)
-        if not any("targets" in primitive for primitive in primitives):
+        has_targets = any("targets" in primitive for primitive in primitives)
+        if not has_targets:
             fields.pop("weights", None)
         if extras := {**fields.pop("extras", {}), **extras}:
             fields["extras"] = extras
         mesh = self.asset.add_mesh(fields.pop("name", name), primitives, **fields)
+        if has_targets:
+            self._with_targets.add(mesh)
         node = self.nodes[item.node]
         if any("JOINTS_0" in primitive["attributes"] for primitive in primitives):
             node["mesh"] = mesh
@@ -75,17 +79,17 @@ class RigWriter:
         to_node = inverse(item.matrix)
         codes = self.quantization.matrix() if is_coded and self.quantization is not None else None
         if to_node is None or self._ignores_node(item):
-            why = "their nodes flatten them" if to_node is None else "no joints move them"
+            why = "nodes flatten objects" if to_node is None else "objects have lost their skin"
             self._place_apart(item, name, mesh, codes, why)
         elif codes is not None:
             node["children"] = [*node.get("children", ()), len(self.nodes)]
-            self.nodes.append({"mesh": mesh, **_matrix_field(pm.matmul(to_node, codes))})
+            self.nodes.append({"mesh": mesh, **matrix_field(pm.matmul(to_node, codes))})
         else:
             node["mesh"] = mesh
         node.pop("skin", None)
 
     def _ignores_node(self, item: RigObject) -> bool:
-        """Whether the transform of its node does not move an object, as that of a skinned one."""
+        """Whether an object, such as a skinned one, ignores the transform of its node."""
         return item.ignores_node or "skin" in self.rig.nodes[item.node]
 
     def _place_apart(
@@ -93,60 +97,51 @@ class RigWriter:
     ) -> None:
         """Hang a mesh on a new node at the root of the scene."""
         node = self.nodes[item.node]
-        made: dict[str, Any] = {"name": name, "mesh": mesh}
+        apart: dict[str, Any] = {"name": name, "mesh": mesh}
         if codes is not None:
-            made |= _matrix_field(codes)
+            apart |= matrix_field(codes)
         if "weights" in node:
-            made["weights"] = node.pop("weights")
+            apart["weights"] = node.pop("weights")
         self._apart[item.node] = len(self.nodes)
         self.scene.append(len(self.nodes))
-        self.nodes.append(made)
+        self.nodes.append(apart)
         self.placed_apart.setdefault(why, []).append(name)
 
     @cached_property
     def skins(self) -> _Skins:
-        """Its skins, which may get more joints."""
+        """Skins of the rig, which may get more joints."""
         return _Skins(self.rig)
 
     def finish(self) -> None:
         """Write nodes, skins, animations, cameras and lights."""
-        meshes = {number for number, node in enumerate(self.nodes) if "mesh" in node}
-        has_morphs = self.asset.meshes_with_targets()
         for node in self.nodes:
             if "mesh" not in node:
                 node.pop("skin", None)
-            if node.get("mesh") not in has_morphs:
+            if node.get("mesh") not in self._with_targets:
                 node.pop("weights", None)
+        rig, skins = self.rig.content, list(self._skins())
         content = {
             "nodes": self.nodes,
-            "scenes": [{**self.rig.content["scenes"][0], "nodes": self.scene}],
-            **{key: self.rig.content[key] for key in ("cameras",) if key in self.rig.content},
+            "scenes": [{**rig["scenes"][0], "nodes": self.scene}],
+            "cameras": rig.get("cameras"),
+            "skins": skins if any("skin" in node for node in self.nodes) else None,
+            "animations": list(self._animations()),
+            "extensions": rig.get("extensions"),
         }
-        skins = list(self._skins())
-        if skins and any("skin" in node for node in self.nodes):
-            content["skins"] = skins
-        else:
-            for node in self.nodes:
-                node.pop("skin", None)
-        if animations := list(self._animations(meshes)):
-            content["animations"] = animations
-        if "extensions" in self.rig.content:
-            content["extensions"] = self.rig.content["extensions"]
         used = {name for node in self.nodes for name in node.get("extensions", ())}
-        for name in sorted({*used, *content.get("extensions", ())}):
+        for name in sorted({*used, *rig.get("extensions", ())}):
             self.asset.use(name)
-        self.asset.adopt(content)
+        self.asset.adopt({key: value for key, value in content.items() if value})
 
     def _skins(self) -> Iterator[dict[str, Any]]:
         for number, skin in enumerate(self.rig.content.get("skins", ())):
-            made = {**skin, "joints": self.skins.joints[number]}
+            content = {**skin, "joints": self.skins.joints[number]}
             matrices = self.skins.matrices[number].astype(np.float32)
             if "inverseBindMatrices" in skin or (matrices != np.eye(4).ravel()).any():
-                made["inverseBindMatrices"] = self.asset.add_array(matrices)
-            yield made
+                content["inverseBindMatrices"] = self.asset.add_array(matrices)
+            yield content
 
-    def _animations(self, meshes: Iterable[int]) -> Iterator[dict[str, Any]]:
-        has_morphs = self.asset.meshes_with_targets()
+    def _animations(self) -> Iterator[dict[str, Any]]:
         for animation in self.rig.content.get("animations", ()):
             samplers: list[dict[str, Any]] = []
             channels = []
@@ -154,23 +149,23 @@ class RigWriter:
                 target = channel["target"]
                 if target["path"] == "weights":
                     node = self._apart.get(target["node"], target["node"])
-                    if node not in meshes or self.nodes[node]["mesh"] not in has_morphs:
+                    if self.nodes[node].get("mesh") not in self._with_targets:
                         continue
                     target = {**target, "node": node}
                 sampler = animation["samplers"][channel["sampler"]]
-                made = {
+                written = {
                     **sampler,
                     "input": self._accessor(sampler["input"], bounded=True),
                     "output": self._accessor(sampler["output"], bounded=False),
                 }
-                if made not in samplers:
-                    samplers.append(made)
-                channels.append({"sampler": samplers.index(made), "target": target})
+                if written not in samplers:
+                    samplers.append(written)
+                channels.append({"sampler": samplers.index(written), "target": target})
             if channels:
                 yield {**animation, "samplers": samplers, "channels": channels}
 
     def _accessor(self, number: int, *, bounded: bool) -> int:
-        key = 2 * number + bounded
+        key = number, bounded
         if key not in self._accessors:
             self._accessors[key] = self.asset.add_array(self.rig.arrays[number], bounded=bounded)
         return self._accessors[key]
@@ -187,9 +182,9 @@ class _Skins:
         for number, skin in enumerate(rig.content.get("skins", ())):
             n = len(skin["joints"])
             unit = np.tile(np.eye(4, dtype=np.float32).ravel(), (n, 1))
-            given = skin.get("inverseBindMatrices")
+            binds = skin.get("inverseBindMatrices")
             self.joints.append(list(skin["joints"]))
-            rows = unit if given is None else rig.arrays[given][:n]
+            rows = unit if binds is None else rig.arrays[binds][:n]
             to_stored = inverse(stored.get(number, np.eye(4)))
             if to_stored is not None and (to_stored != np.eye(4)).any():
                 # The rows of a file are the columns of matrices.
@@ -211,7 +206,3 @@ class _Skins:
         joints = self.joints[skin]
         table[joints[::-1]] = np.arange(len(joints), dtype=np.int32)[::-1]
         return table
-
-
-def _matrix_field(matrix: FloatArray) -> dict[str, Any]:
-    return {"matrix": matrix.T.ravel().tolist()}

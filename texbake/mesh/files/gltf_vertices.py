@@ -19,6 +19,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.compose import corner_order, is_mirroring, normal_map, signed_tangents
 from texbake.mesh.deformation import Morph, largest_weights
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf_compression import (
     Quantization,
@@ -31,7 +32,7 @@ from texbake.mesh.materials import UNPLACED, Materials, Placing
 from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
-from texbake.mesh.weld import unique_rows
+from texbake.mesh.weld import row_sums, unique_rows
 from texbake.records import dataclass
 
 FloatColumns = npt.NDArray[np.float32]
@@ -41,7 +42,7 @@ _CODES = {"NORMAL": unit_codes, "TANGENT": unit_codes, "COLOR_0": color_codes}
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The space that an object is written in, and what moves its vertices there."""
+    """The space that an object is written in, and its joints and morph targets."""
 
     matrix: FloatArray  # (4, 4) float64; from the positions of the mesh
     joints: IntArray | None = None  # (n,) int32: number of each node in the skin; -1 outside it
@@ -55,7 +56,7 @@ class Frame:
 
     @property
     def is_rigid(self) -> bool:
-        """Whether nothing moves vertices against each other."""
+        """Whether the object has neither joints nor morph targets."""
         return self.joints is None and self.n_morphs == 0
 
 
@@ -64,12 +65,12 @@ class Vertices(NamedTuple):
 
     columns: Columns
     indices: Int64Array
-    morphs: list[Columns]  # displacements by morph targets
+    morphs: list[Columns]  # displacements of each morph target
 
 
 @dataclass(frozen=True, eq=False)
 class CornerVertices:
-    """Makes the vertices of parts of a mesh."""
+    """Builds the vertices of parts of a mesh."""
 
     mesh: Mesh
     origin: FloatArray  # (3,) float64; of the positions that are written
@@ -87,7 +88,7 @@ class CornerVertices:
     ) -> Vertices:
         """Vertices of faces of one material, in the space of a node if they hang on one.
 
-        Codes of what nothing bends count in the space of the mesh.
+        Quantized positions of rigid objects stay in the space of the mesh.
         """
         if self.quantization is not None and frame is not None and frame.is_rigid:
             frame = None
@@ -98,7 +99,8 @@ class CornerVertices:
             name = self.mesh.name
             raise MeshError(f"{name}: a coordinate is beyond float32; scale it down first")
         has_morphs = frame is not None and frame.n_morphs
-        keys = [vertices[:, None]] if has_morphs else []  # whatever agrees, others may move it
+        # Vertices that agree in all columns may differ in morph targets.
+        keys = [vertices[:, None]] if has_morphs else []
         kept, numbers = unique_rows(np.concatenate([*corners.values(), *keys], axis=1))
         indices = numbers.astype(np.int64)
         if compress:
@@ -174,7 +176,7 @@ class CornerVertices:
             columns["TANGENT"] = signed_tangents(directions, tangents[:, 3:], sign)
 
     def _bound(self, vertices: IntArray, joints: IntArray) -> Columns:
-        """Columns of joints and weights, in sets of four; without any, the first joint counts."""
+        """Columns of joints and weights, in sets of four; a free vertex has the first joint."""
         deformation = self.mesh.deformation
         if deformation is None or not deformation.weights[vertices].any():
             return {}
@@ -196,8 +198,8 @@ class CornerVertices:
     def _morphs(self, vertices: IntArray, rows: IntArray, frame: Frame) -> Iterator[Columns]:
         """Yield the displacements of some vertices, and those of the normals in some rows."""
         deformation = self.mesh.deformation
-        given = () if deformation is None else deformation.morphs[: frame.n_morphs]
-        for morph in given:
+        morphs = () if deformation is None else deformation.morphs[: frame.n_morphs]
+        for morph in morphs:
             moves = pm.matmul(morph.rows(self.mesh.n_vertices)[vertices], frame.linear.T)
             columns: Columns = {"POSITION": moves.astype(np.float32)}
             if frame.has_morph_normals:
@@ -210,7 +212,7 @@ class CornerVertices:
                 turns = _unit(at[1], zero) - _unit(at[0], zero)
                 columns["NORMAL"] = np.where(found[:, None] < 0, 0.0, turns).astype(np.float32)
             yield columns
-        for _ in range(frame.n_morphs - len(given)):
+        for _ in range(frame.n_morphs - len(morphs)):
             zeros = np.zeros((len(vertices), 3), np.float32)
             yield {"POSITION": zeros, **({"NORMAL": zeros} if frame.has_morph_normals else {})}
 
@@ -225,17 +227,17 @@ class CornerVertices:
             used, touched = np.zeros(1, np.int32), np.zeros(0, np.intp)
         rest = self._areas[used]
         moved = mesh.positions + morph.rows(mesh.n_vertices)
-        change = _area_vectors(moved[mesh.faces[touched]])
-        change -= _area_vectors(mesh.positions[mesh.faces[touched]])
+        change = area_vectors(moved, mesh.faces[touched])
+        change -= area_vectors(mesh.positions, mesh.faces[touched])
         rows = np.searchsorted(used, normal_faces[touched]).ravel()
-        return used, (rest, rest + _sums(rows, np.repeat(change, 3, axis=0), len(used)))
+        return used, (rest, rest + row_sums(rows, np.repeat(change, 3, axis=0), len(used)))
 
     @cached_property
     def _areas(self) -> FloatArray:
         """(N, 3) float64: sums of the area vectors of the faces around each normal."""
         normals, normal_faces = self._normals
-        vectors = _area_vectors(self.mesh.positions[self.mesh.faces])
-        return _sums(normal_faces.ravel(), np.repeat(vectors, 3, axis=0), len(normals))
+        vectors = area_vectors(self.mesh.positions, self.mesh.faces)
+        return row_sums(normal_faces.ravel(), np.repeat(vectors, 3, axis=0), len(normals))
 
     @cached_property
     def _normals(self) -> tuple[FloatArray, IntArray]:
@@ -328,13 +330,3 @@ def _unit(vectors: FloatArray, instead: FloatArray) -> FloatArray:
     divisors = np.where((np.abs(lengths - 1.0) <= 1e-6) | (lengths == 0.0), 1.0, lengths)
     unit: FloatArray = np.where(lengths > 0.0, vectors / divisors, instead)
     return unit
-
-
-def _area_vectors(corners: FloatArray) -> FloatArray:
-    """(F, 3) normals of (F, 3, 3) triangles, twice as long as their areas."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-
-def _sums(rows: npt.NDArray[Any], vectors: FloatArray, n_rows: int) -> FloatArray:
-    """(n_rows, 3) sums of the (n, 3) vectors of each row."""
-    return np.stack([np.bincount(rows, vectors[:, axis], n_rows) for axis in range(3)], axis=1)

@@ -30,10 +30,7 @@ from texbake.errors import OptionError, UvError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import far_origin, float32_positions, require_uvs
 from texbake.mesh.files.gltf_asset import GltfAsset
-from texbake.mesh.files.gltf_compression import (
-    QUANTIZATION,
-    Quantization,
-)
+from texbake.mesh.files.gltf_compression import QUANTIZATION, Quantization
 from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
 from texbake.mesh.files.gltf_rig_write import RigWriter
 from texbake.mesh.files.gltf_vertices import CornerVertices, Frame
@@ -64,7 +61,8 @@ def write_glb(
 ) -> None:
     """Write a mesh as binary glTF with PNG or JPEG textures as they are, normals in +Y.
 
-    With a `rig` whose objects are those of the mesh, on its nodes with skins and animations.
+    If the objects of a `rig` are those of the mesh, they are written on its nodes, with skins and
+    animations.
     """
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]
@@ -123,7 +121,7 @@ def _check_materials(mesh: Mesh, materials: Materials, *, alone: bool) -> None:
         )
     for uv_set in uv_numbers(materials):
         if uv_set and uv_set not in materials.uv_sets:
-            raise UvError(f"{mesh.name}: an image lies on texture coordinates {uv_set}, not there")
+            raise UvError(f"{mesh.name}: an image lies on missing texture coordinates {uv_set}")
     if materials.has_images:
         require_uvs(mesh)
 
@@ -174,7 +172,7 @@ def _add_objects(
     places.finish()
     for why, names in places.placed_apart.items():
         listed = ", ".join(first_few(names))
-        warn_of(mesh.name, f"wrote at the root of the scene, because {why}: {listed}")
+        warn_of(mesh.name, f"{why}, so they are written at the root of the scene: {listed}")
 
 
 class _PrimitiveWriter:
