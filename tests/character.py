@@ -1,4 +1,4 @@
-"""A small character: a bent tube of two bones with a shape key, and a wheel that turns."""
+"""A small character: a bent tube of two bones with a morph target, and a wheel that turns."""
 
 import numpy as np
 

@@ -245,7 +245,7 @@ def test_omissions_that_change_an_fbx_surface_are_named(tmp_path):
     ]
 
 
-def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
+def test_skins_and_morph_targets_of_gltf_are_named(tmp_path):
     path = gltf(
         tmp_path / "a.gltf",
         {"POSITION": CORNERS},
@@ -253,14 +253,14 @@ def test_skins_and_shape_keys_of_gltf_are_named(tmp_path):
         skins=[{"joints": [0]}],
     )
     document = json.loads(path.read_text())
-    document["meshes"][0]["primitives"] *= 2  # the primitives of a mesh share its shape keys
+    document["meshes"][0]["primitives"] *= 2  # the primitives of a mesh share its morph targets
     path.write_text(json.dumps(document))
     assert heard(path)[1] == []  # a GLB file keeps them
-    assert unread_parts(path) == ("1 skin", "1 shape key")
+    assert unread_parts(path) == ("1 skin", "1 morph target")
     lines = []
     with heard_warnings(lines.append):
         read_scene(path)
-    line = "left out 1 skin and 1 shape key; the mesh is read in the pose it is stored in"
+    line = "left out 1 skin and 1 morph target; the mesh is read in the pose it is stored in"
     assert lines == [f"{path}: {line}"]
 
 

@@ -184,7 +184,7 @@ def write_with_materials(
     files = (*files, *uv_set_files(mesh, output))
     lost += source.passed_over if rig is None else rig.passed_over
     if rig is not None and mesh.deformation is None and rig.bends:
-        lost.append("skins and shape keys")
+        lost.append("skins and morph targets")
     notes += triangle_notes(mesh, output)
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")

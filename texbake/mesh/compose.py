@@ -289,7 +289,7 @@ def _joined_uv_sets(parts: Sequence[Part]) -> dict[str, UvSet]:
 
 
 def _joined_deformation(parts: Sequence[Part], matrices: FloatArray | None) -> Deformation | None:
-    """What moves parts put into one, each moved by its matrix."""
+    """Deformation of joined parts, each transformed by its matrix."""
     found = [part.deformation for part in parts]
     if matrices is not None:
         found = [

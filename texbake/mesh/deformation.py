@@ -1,7 +1,7 @@
 """What moves the vertices of a mesh: nodes that they are bound to, and morph targets.
 
 Nodes are those of `texbake.mesh.rig`, by their numbers: the joints of a skin, or the one node that
-carries a rigid part. So two parts may be joined at vertices that move alike, whatever their skins.
+carries a rigid part. So two parts can share vertices that move alike, whatever their skins are.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _Ints = npt.NDArray[np.int32]
 
 
 def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """View of an array that cannot be changed by it."""
+    """Read-only view of an array."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -30,9 +30,9 @@ def _read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """Displacements of one morph target; those of all other vertices are zero."""
+    """Displacements of one morph target; vertices that it does not list stay in place."""
 
-    vertices: _Ints  # (n,) int32; rising
+    vertices: _Ints  # (n,) int32; ascending
     displacements: _Floats  # (n, 3) float64; in the space of the mesh's positions
 
     def __post_init__(self) -> None:
@@ -63,11 +63,11 @@ class Deformation:
     joints : (V, K) int32
         Nodes that move each vertex.
     weights : (V, K) float64
-        How much each of them does: they sum to 1, or are all 0 for a vertex that no node moves.
+        Share of each node: they sum to 1, or are all 0 for a vertex that no node moves.
     morphs : tuple of Morph
         Morph targets, numbered as in each object of the mesh.
     poses : (P, V, 3) float64
-        Positions in some poses, in which a simplified mesh is to look right as well.
+        Positions in further poses, in which a simplified mesh should look right as well.
     """
 
     joints: _Ints
@@ -97,13 +97,13 @@ class Deformation:
         return bool(self.weights.any())
 
     def of(self, vertices: npt.NDArray[np.intp] | _Ints) -> Deformation:
-        """Return that of some vertices, in their order; a vertex may be there several times."""
+        """Return the deformation of some vertices, in their order; vertices may be repeated."""
         morphs = (Morph.of_rows(morph.rows(len(self))[vertices]) for morph in self.morphs)
         poses = self.poses[:, vertices] if len(self.poses) else self.poses
         return Deformation(self.joints[vertices], self.weights[vertices], tuple(morphs), poses)
 
     def mixed(self, vertices: npt.NDArray[np.intp] | _Ints, shares: _Floats) -> Deformation:
-        """(n,) vertices that are (n, S) shares of (n, S) others; they keep K joints at most."""
+        """Deformation of n vertices that are weighted means of (n, S) others; K joints at most."""
         n, width = len(vertices), self.joints.shape[1]
         morphs = []
         for morph in self.morphs:
@@ -114,7 +114,7 @@ class Deformation:
         return Deformation(*largest_weights(joints, weights, width), tuple(morphs))
 
     def moved(self, linear: _Floats) -> Deformation:
-        """Return that of a mesh moved by an affine map, whose (3, 3) linear part is given."""
+        """Return the deformation of a mesh transformed by a map with a (3, 3) linear part."""
         morphs = (
             Morph(morph.vertices, pm.matmul(morph.displacements, linear.T)) for morph in self.morphs
         )
@@ -129,7 +129,7 @@ class Deformation:
 
 
 def largest_weights(joints: _Ints, weights: _Floats, width: int) -> tuple[_Ints, _Floats]:
-    """(n, width) joints, each once, of (n, m), and their weights: the largest, with the sum 1.
+    """(n, width) joints of (n, m), each once, with the largest weights, scaled to the sum 1.
 
     Where no weight is above 0, all joints and weights are 0.
     """
@@ -139,7 +139,7 @@ def largest_weights(joints: _Ints, weights: _Floats, width: int) -> tuple[_Ints,
     weights = np.take_along_axis(weights, order, axis=1)
     is_first = np.ones(joints.shape, np.bool_)
     is_first[:, 1:] = joints[:, 1:] != joints[:, :-1]
-    # A number for each run of equal joints in a row; numbers of rows follow one another.
+    # Number the runs of equal joints, row after row.
     runs = np.cumsum(is_first, axis=None).reshape(joints.shape) - 1
     sums = np.zeros(joints.shape)
     sums[is_first] = np.bincount(runs.ravel(), weights.ravel())
@@ -154,7 +154,7 @@ def largest_weights(joints: _Ints, weights: _Floats, width: int) -> tuple[_Ints,
 
 
 def joined_deformations(parts: Sequence[tuple[Deformation | None, int]]) -> Deformation | None:
-    """Put those of parts into one, each with its number of vertices; None where none has any."""
+    """Join the deformations of parts with so many vertices each; None where no part has one."""
     found = [part for part, _ in parts if part is not None]
     if not found:
         return None

@@ -247,8 +247,8 @@ class Mesh:
     def replace(self, **changes: Any) -> Mesh:
         """Return a mesh with some fields changed and the others shared.
 
-        New faces leave out further sets of texture coordinates, and polygons, new positions what
-        moves them, and new names of groups objects, unless these are given as well.
+        New faces drop further sets of texture coordinates and polygons, new positions drop the
+        deformation, and new names of groups drop the objects, unless these are passed as well.
         """
         if changes.get("group_names", self.group_names) != self.group_names:
             changes = {"group_objects": ()} | changes

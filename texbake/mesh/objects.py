@@ -108,7 +108,7 @@ def weld_vertices(mesh: Mesh, *, threads: int | None = None) -> IntArray:
 
 
 def moving_alike(mesh: Mesh, firsts: IntArray) -> IntArray:
-    """(V,) int32: of the first vertices at the place of each, those that move alike."""
+    """(V,) int32: first vertex of each, among those at its place that move alike."""
     again = np.flatnonzero(firsts != np.arange(len(firsts)))
     if mesh.deformation is None or len(again) == 0:
         return firsts

@@ -1,8 +1,8 @@
-"""Poses of a mesh that a rig moves: where its vertices are at some times of its animations.
+"""Poses of a mesh that a rig deforms: where its vertices are at some times of its animations.
 
 Simplification adds the errors in these poses, so that joints keep the edges at which they bend. A
-skin without animation is posed by turning all its joints. Poses are only as exact as that asks for:
-rotations are interpolated along chords, and splines through their values as lines.
+skin without animation is posed by rotating all its joints. Poses are approximate, which is enough
+for that: rotations are interpolated linearly, and so are splines.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.rig import Rig
 
 _N_POSES = 4
-_BEND = 0.35  # sine of half the angle by which joints turn: 41 degrees
+_BEND = 0.35  # sine of half the angle by which joints rotate: 41 degrees
 
-Values = Mapping[tuple[int, str], FloatArray]  # of nodes by their numbers and what is animated
+Values = Mapping[tuple[int, str], FloatArray]  # by the number of a node and the animated property
 
 
 def with_poses(mesh: Mesh, rig: Rig | None) -> Mesh:
-    """Return a mesh with a few poses for simplification, if anything bends it."""
+    """Return a mesh with a few poses for simplification, if it has a skin or morph targets."""
     deformation = mesh.deformation
     if deformation is None or rig is None or not rig.bends:
         return mesh
     poser = _Poser(rig, mesh)
     poses = np.stack([poser.pose(values) for values in _samples(rig, deformation)])
-    kept = poses[[bool(np.isfinite(pose).all()) for pose in poses]]
-    return mesh.replace(deformation=replace(deformation, poses=kept))
+    finite = poses[[bool(np.isfinite(pose).all()) for pose in poses]]
+    return mesh.replace(deformation=replace(deformation, poses=finite))
 
 
 def _samples(rig: Rig, deformation: Deformation) -> Iterator[Values]:
-    """Yield what is animated at some times; of what has no animation, some values to try."""
+    """Yield animated values at some times, and trial values of joints and morph targets."""
     animations = rig.content.get("animations", ())
     for i in range(_N_POSES if animations else 0):
         animation = animations[i * len(animations) // _N_POSES]
@@ -94,7 +94,7 @@ class _Poser:
             pending += [(child, node) for child in rig.nodes[node].get("children", ())]
         rest = self._world({})
         self._to_nodes = {node: inverse_or_identity(matrix) for node, matrix in rest.items()}
-        # Back to the place where a skinned object is stored, by its first joint.
+        # From the world back to where a skinned object is stored, by its first joint.
         self._back: dict[int, FloatArray] = {}
         stored = {rig.nodes[item.node].get("skin"): item.matrix for item in rig.objects.values()}
         for number, skin in enumerate(rig.content.get("skins", ())):
@@ -109,7 +109,7 @@ class _Poser:
                 self._back[joint] = back
 
     def pose(self, values: Values) -> FloatArray:
-        """(V, 3) positions with some values of nodes."""
+        """(V, 3) positions for some values of nodes."""
         mesh, deformation = self.mesh, self.mesh.deformation
         assert deformation is not None
         points = mesh.positions.copy()

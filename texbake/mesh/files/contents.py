@@ -48,7 +48,7 @@ class FileContents:
     uv_sets: tuple[str, ...] = ()  # names of the sets of texture coordinates
     meters_per_unit: float | None = None  # None where the file does not say it
     up: str | None = None  # the axis that points up in the file, such as `+Y`
-    passed_over: tuple[str, ...] = ()  # what a `Mesh` does not show, such as `2 animations`
+    passed_over: tuple[str, ...] = ()  # what is not part of the surface, such as `2 animations`
 
 
 _CLASSES = {made.__name__: made for made in (FileContents, MaterialContent)}

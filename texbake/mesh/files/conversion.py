@@ -37,7 +37,7 @@ _REPLACED = {
     "uvs": ("texture coordinates", "(0, 0) replaces them"),
     "colors": ("vertex colors", "white replaces them"),
     "weights": ("weights of joints", "0 replaces them"),
-    "morphs": ("displacements of shape keys", "0 replaces them"),
+    "morphs": ("displacements of morph targets", "0 replaces them"),
 }
 
 

@@ -8,7 +8,7 @@ Skinned meshes come in the pose they are stored in, without their node's transfo
 targets at rest; `Mesh.deformation` has what moves them. Where only some primitives have texture
 coordinates or normals, the others get zeros.
 
-Files of CAD programs have 100,000 nodes and more, so that numbers are checked and matrices made for
+Files of CAD programs have 100,000 nodes and more, so numbers are checked and matrices computed for
 all nodes at once, and multiplied level by level.
 """
 
@@ -125,16 +125,16 @@ class _NodeMotions:
 
     def of_node(self, place: int, piece: MeshPart) -> Deformation | None:
         """Deformation of the vertices of a piece of a node."""
-        node, n, given = self.placed.nodes[place], len(piece.positions), piece.deformation
-        morphs = () if given is None else given.morphs
+        node, n, stored = self.placed.nodes[place], len(piece.positions), piece.deformation
+        morphs = () if stored is None else stored.morphs
         joints, weights = np.zeros((n, 1), np.int32), np.zeros((n, 1))
         if "skin" in node:
             table = self._joints(node["skin"])
-            if given is not None and given.is_bound and table is not None:
-                joints, weights = given.joints, given.weights
+            if stored is not None and stored.is_bound and table is not None:
+                joints, weights = stored.joints, stored.weights
                 is_outside = (joints < 0) | (joints >= len(table))
                 if is_outside.any():
-                    line = f"left out joints of vertices: the skin has only {len(table)}"
+                    line = f"a skin has {len(table)} joints; left out vertex joints beyond them"
                     warn_of(self.placed.document.path, line)
                     joints = np.where(is_outside, 0, joints)
                     weights = np.where(is_outside, 0.0, weights)
@@ -227,7 +227,7 @@ class SceneNodes:
         return np.asarray(placed[numbers[:-1]])
 
     def mesh_matrices(self, matrices: FloatArray) -> FloatArray:
-        """(n, 4, 4) float64: matrices of the meshes of nodes; one with a skin is at its joints."""
+        """(n, 4, 4) float64: matrices of the meshes of nodes; the identity for skinned meshes."""
         matrices = matrices.copy()
         matrices[[i for i, node in enumerate(self.nodes) if "skin" in node]] = np.eye(4)
         return matrices

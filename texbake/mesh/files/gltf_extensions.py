@@ -42,16 +42,16 @@ def read_extensions(
     extensions: dict[str, Any],
     image_of: Callable[[str, GltfTexture], ChannelImage | None],
 ) -> dict[str, dict[str, Any]]:
-    """Read the extensions of a material that are carried along; damaged properties are not."""
+    """Read the extensions of a material that texbake carries along, without damaged properties."""
     found: dict[str, dict[str, Any]] = {}
     for name in CARRIED.keys() & extensions.keys():
-        given = document.mapping(extensions, name)
+        content = document.mapping(extensions, name)
         values = found.setdefault(name, {})
         for key in CARRIED[name]:
-            value = given.get(key)
+            value = content.get(key)
             if key.endswith("Texture"):
                 try:
-                    texture = read_texture(document, document.mapping(given, key))
+                    texture = read_texture(document, document.mapping(content, key))
                 except FileFormatError:
                     continue
                 value = image_of(key, texture)

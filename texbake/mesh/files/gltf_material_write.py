@@ -75,12 +75,12 @@ def add_material(
         content["doubleSided"] = True
     if material.is_unlit:
         extensions["KHR_materials_unlit"] = {}
-    for name, given in material.extensions.items():
+    for name, properties in material.extensions.items():
         extensions[name] = {
             key: _placed_texture(asset, material, value, numbers, uv_matrices)
             if isinstance(value, ChannelImage)
             else value
-            for key, value in given.items()
+            for key, value in properties.items()
         }
     if extensions:
         content["extensions"] = extensions

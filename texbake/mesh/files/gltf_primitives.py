@@ -38,7 +38,7 @@ _FIELDS = {
 _WIDTHS = {"POSITION": (3,), "NORMAL": (3,), "TANGENT": (4,), "COLOR_0": (3, 4)}
 _BINDING = re.compile("(?:JOINTS|WEIGHTS)_[0-7]")  # 32 joints a vertex
 _MOTIONS = ("JOINTS", "WEIGHTS", "TARGET")
-_COPIES = 8  # what a target takes in memory, by the triangles of a mesh without
+_COPIES = 8  # memory of a morph target, in sets of the triangles alone
 _ROWS_AT_ONCE = 1 << 18  # of joined primitives; more rows take more memory and time
 # Draco packs the triangles of a flat grid 11 to a byte, and takes 80 bytes to decode each: 16 times
 # what other files may take.
@@ -108,7 +108,7 @@ def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | Non
 def _motions(source: _PrimitiveSource, n: int) -> dict[str, npt.NDArray[Any]]:
     """Arrays of joints, weights and morph targets, `TARGET_0` and so on, of n vertices.
 
-    Those that are damaged are left out with a warning; in place of a target there are zeros.
+    Damaged arrays are left out with a warning; the displacements of a damaged morph target are 0.
     """
     arrays: dict[str, npt.NDArray[Any]] = {}
     bindings = set(filter(_BINDING.fullmatch, source.accessors))
@@ -119,7 +119,7 @@ def _motions(source: _PrimitiveSource, n: int) -> dict[str, npt.NDArray[Any]]:
                 arrays |= {name: source.read(name, (4,), n) for name in names}
     except FileFormatError as error:
         arrays = {}
-        _warn_left_out(source.document, "joints of vertices", error)
+        _warn_left_out(source.document, "joints and weights of vertices", error)
     for i, target in enumerate(source.targets):
         arrays[f"TARGET_{i}"] = np.zeros((n, 3))
         try:
@@ -138,7 +138,7 @@ def _warn_left_out(document: Document, what: str, error: FileFormatError) -> Non
 
 
 def _deformation(values: dict[str, npt.NDArray[Any]]) -> Deformation | None:
-    """What moves vertices; joints by their places in a skin."""
+    """Deformation by the arrays of a primitive; joints are numbered as in the skin."""
     columns = {
         kind: [rows for name, rows in sorted(values.items()) if name.startswith(f"{kind}_")]
         for kind in _MOTIONS
@@ -157,7 +157,7 @@ def _deformation(values: dict[str, npt.NDArray[Any]]) -> Deformation | None:
 def _cut(
     motion: Deformation | None, kept: npt.NDArray[np.intp], bounds: IntArray
 ) -> list[Deformation | None]:
-    """What moves the kept vertices of each part of a batch."""
+    """Deformation of the welded vertices of each part of a batch."""
     parts = pairwise(bounds.tolist())
     return [motion and motion.of(kept[start:stop]) for start, stop in parts]
 

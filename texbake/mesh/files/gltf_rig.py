@@ -1,7 +1,7 @@
 """What a glTF file has beside triangles and materials, read as a `Rig` and carried through.
 
-Nodes get the numbers of `scene_nodes`; those outside the scene are left out, with what names them.
-A skin, an animation or a camera that is damaged is left out with a warning.
+Nodes are numbered as `scene_nodes`. Nodes outside the scene, and what refers to them, are left out.
+A damaged skin, animation, camera or light is left out with a warning.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import morph_targets
 from texbake.mesh.files.node_matrices import node_fields, node_matrix
 from texbake.mesh.files.source import without_cycle_search
+from texbake.mesh.files.unread_parts import LIGHTS
 from texbake.mesh.rig import Rig, RigObject
 
-LIGHTS = "KHR_lights_punctual"
 _VISIBILITY = "KHR_node_visibility"
 _PLACES = {"translation": 3, "rotation": 4, "scale": 3}
 _INTERPOLATIONS = {"LINEAR": 1, "STEP": 1, "CUBICSPLINE": 3}
 _CAMERAS = ("perspective", "orthographic")
 _LIGHT_TYPES = ("directional", "point", "spot")
-_ROUNDING = 1e-6  # of a matrix that is put together again; files may have float32
-# Accessors can share bytes, and nodes a mesh: bytes of arrays by those of the file or at least some
-# many, and bytes of extras of meshes that nodes repeat.
+_ROUNDING = 1e-6  # of a matrix composed again, by its largest number; files may have float32
+# Accessors can share bytes, and nodes a mesh. Limits: bytes of arrays per byte of the file, or this
+# many in any file, and bytes of the extras of meshes that nodes repeat.
 _BYTES_PER_BYTE, _LEAST_BYTES, _MOST_EXTRAS = 8, 1 << 26, 1 << 24
 
 
@@ -47,13 +47,13 @@ class _RigReader:
         self.document, self.placed = document, placed
         self.numbers = {index: place for place, index in enumerate(placed.indices)}
         self.arrays: dict[int, npt.NDArray[np.float32]] = {}
-        self.n_bytes = 0  # of those
+        self.n_bytes = 0  # of the arrays
         self.meshes: dict[int, tuple[dict[str, Any], int]] = {}  # fields and targets of each
         self.n_extras = 0
         self.moving = moving_nodes(document)
 
     def read(self) -> Rig:
-        """Return the whole."""
+        """Return the rig of the scene."""
         document, placed = self.document, self.placed
         matrices = placed.mesh_matrices(placed.matrices())
         skins, skin_numbers = self._all("skin", document.content.get("skins"), self._skin)
@@ -97,7 +97,7 @@ class _RigReader:
     def _all(
         self, noun: str, items: Any, read: Callable[[dict[str, Any]], dict[str, Any]]
     ) -> tuple[list[dict[str, Any]], dict[int, int]]:
-        """Read all items of a list that are sound, and the new numbers of those."""
+        """Sound items of a list, and the new number of each by its number in the file."""
         found: list[dict[str, Any]] = []
         numbers: dict[int, int] = {}
         reasons: list[str] = []
@@ -105,13 +105,13 @@ class _RigReader:
             try:
                 if not isinstance(item, dict):
                     self.document.fail("it is not an object")
-                made = read(item)
+                content = read(item)
             except FileFormatError as error:
                 why = str(error).removeprefix(f"{self.document.path}: ")
                 reasons.append(f"{noun} {index}: {why}")
                 continue
             numbers[index] = len(found)
-            found.append({**_named(item), **made})
+            found.append({**_named(item), **content})
         if reasons:
             warn_of(self.document.path, f"left out {counted(len(reasons), noun)}: {reasons[0]}")
         return found, numbers
@@ -119,20 +119,20 @@ class _RigReader:
     def _node(
         self, index: int, node: dict[str, Any], numbers: Mapping[str, Mapping[int, int]]
     ) -> dict[str, Any]:
-        made = _named(node)
+        content = _named(node)
         if node.get("matrix") is not None:
-            made["matrix"] = node["matrix"]
+            content["matrix"] = node["matrix"]
             if index in self.moving:  # the node of a channel has no matrix
-                matrix = node_matrix(made)
+                matrix = node_matrix(content)
                 fields = node_fields(matrix)
                 if np.abs(node_matrix(fields) - matrix).max() <= _ROUNDING * np.abs(matrix).max():
-                    del made["matrix"]
-                    made |= fields
+                    del content["matrix"]
+                    content |= fields
         else:
-            made |= {key: node[key] for key in _PLACES if node.get(key) is not None}
+            content |= {key: node[key] for key in _PLACES if node.get(key) is not None}
         for key in ("skin", "camera"):
             if type(node.get(key)) is int and node[key] in numbers[key]:
-                made[key] = numbers[key][node[key]]
+                content[key] = numbers[key][node[key]]
         extensions = _mapping(node, "extensions")
         kept: dict[str, Any] = {}
         light = _mapping(extensions, LIGHTS).get("light")
@@ -142,14 +142,14 @@ class _RigReader:
         if type(visible) is bool:
             kept[_VISIBILITY] = {"visible": visible}
         if kept:
-            made["extensions"] = kept
-        return made
+            content["extensions"] = kept
+        return content
 
     def _object(
         self,
         place: int,
         node: dict[str, Any],
-        made: dict[str, Any],
+        content: dict[str, Any],
         matrix: npt.NDArray[np.float64],
     ) -> RigObject:
         is_first = node["mesh"] not in self.meshes
@@ -161,7 +161,7 @@ class _RigReader:
         if not is_first and self.n_extras > _MOST_EXTRAS:
             fields = {key: value for key, value in fields.items() if key != "extras"}
         if (weights := _weights(node, n_morphs)) is not None:
-            made["weights"] = weights
+            content["weights"] = weights
         return RigObject(
             node=place,
             matrix=matrix,
@@ -200,35 +200,35 @@ class _RigReader:
     def _light(self, light: dict[str, Any]) -> dict[str, Any]:
         if light.get("type") not in _LIGHT_TYPES:
             self.document.fail(f"its type is none of {', '.join(_LIGHT_TYPES)}")
-        made = {key: value for key, value in light.items() if key not in ("extensions", "name")}
-        if sound_json(made) is None:
+        content = {key: value for key, value in light.items() if key not in ("extensions", "name")}
+        if sound_json(content) is None:
             self.document.fail("a number is not finite")
-        return made
+        return content
 
     def _skin(self, skin: dict[str, Any]) -> dict[str, Any]:
         joints = indices(self.document, skin, "joints")
         if not joints or not set(joints) <= self.numbers.keys():
             self.document.fail("not all its joints are nodes of the scene")
-        made: dict[str, Any] = {"joints": [self.numbers[joint] for joint in joints]}
+        content: dict[str, Any] = {"joints": [self.numbers[joint] for joint in joints]}
         if type(skin.get("skeleton")) is int and skin["skeleton"] in self.numbers:
-            made["skeleton"] = self.numbers[skin["skeleton"]]
+            content["skeleton"] = self.numbers[skin["skeleton"]]
         if "inverseBindMatrices" in skin:
             rows = self._array(skin["inverseBindMatrices"], 16)
             if len(self.arrays[rows]) < len(joints):
                 self.document.fail("it has fewer inverse bind matrices than joints")
-            made["inverseBindMatrices"] = rows
-        return made
+            content["inverseBindMatrices"] = rows
+        return content
 
     def _animation(self, animation: dict[str, Any]) -> dict[str, Any]:
         samplers = self.document.objects(animation, "samplers")
-        made: list[dict[str, Any]] = []
+        used: list[dict[str, Any]] = []
         channels: list[dict[str, Any]] = []
         for channel in self.document.objects(animation, "channels"):
             target = self.document.mapping(channel, "target")
             node, path = target.get("node"), target.get("path")
             number = channel.get("sampler")
             if type(number) is not int or not 0 <= number < len(samplers):
-                self.document.fail(f"a channel names the sampler {quoted(number)}, not there")
+                self.document.fail(f"a channel names a missing sampler {quoted(number)}")
             if type(node) is not int or node not in self.numbers or not isinstance(path, str):
                 continue
             place = self.numbers[node]
@@ -238,11 +238,11 @@ class _RigReader:
             elif path not in _PLACES or "matrix" in self.nodes[place]:
                 continue
             if n_values:
-                made.append(self._sampler(samplers[number], _PLACES.get(path, 1), n_values))
-                channels.append({"sampler": len(made) - 1, "target": {"node": place, "path": path}})
+                used.append(self._sampler(samplers[number], _PLACES.get(path, 1), n_values))
+                channels.append({"sampler": len(used) - 1, "target": {"node": place, "path": path}})
         if not channels:
             self.document.fail("it moves no node of the scene")
-        return {"samplers": made, "channels": channels}
+        return {"samplers": used, "channels": channels}
 
     def _sampler(self, sampler: dict[str, Any], width: int, n_values: int) -> dict[str, Any]:
         kind = sampler.get("interpolation", "LINEAR")
@@ -255,9 +255,7 @@ class _RigReader:
         if kind == "CUBICSPLINE" and n_times == 1:
             self.document.fail("a spline has a single time")
         if not n_times or n_found != wanted:
-            self.document.fail(
-                f"a sampler has {n_found} values, where {n_times} times ask for {wanted}"
-            )
+            self.document.fail(f"a sampler has {n_found} values, but {n_times} times need {wanted}")
         return {"input": times, "output": values, "interpolation": kind}
 
     def _array(self, index: Any, width: int) -> int:
@@ -300,9 +298,9 @@ def sound_json(value: Any) -> Any:
 
 def _named(item: dict[str, Any]) -> dict[str, Any]:
     """Name and extras of an object."""
-    made: dict[str, Any] = {}
+    content: dict[str, Any] = {}
     if isinstance(item.get("name"), str):
-        made["name"] = as_text(item["name"])
+        content["name"] = as_text(item["name"])
     if (extras := sound_json(item.get("extras"))) is not None:
-        made["extras"] = extras
-    return made
+        content["extras"] = extras
+    return content

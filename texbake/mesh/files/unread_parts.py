@@ -1,4 +1,4 @@
-"""What a model file holds that a mesh has no place for: animations, skins, cameras, lights."""
+"""What a model file has beside its surface: animations, skins, morph targets, cameras, lights."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _NURBS = "NURBS surface"
 _OF_FBX = {
     ("AnimationStack", ""): "animation",
     ("Deformer", "Skin"): "skin",
-    ("Deformer", "BlendShapeChannel"): "shape key",
+    ("Deformer", "BlendShapeChannel"): "morph target",
     ("Geometry", "NurbsSurface"): _NURBS,
     ("Model", "Camera"): "camera",
     ("Model", "Light"): "light",
 }
 _OF_GLTF = {"animations": "animation", "skins": "skin", "cameras": "camera"}
-_LIGHTS = "KHR_lights_punctual"
-_POSES = ("skin", "shape key")
+LIGHTS = "KHR_lights_punctual"
+_POSES = ("skin", "morph target")
 
 
 def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
-    """Count parts of a glTF or FBX file that are not read, without those that are warned of."""
+    """Count what a glTF or FBX file has beside its surface, without what its reader warns of."""
     if not isinstance(source, str | os.PathLike):
         return _named(_counts(source))
     suffix = Path(source).suffix.lower()
@@ -48,7 +48,7 @@ def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
 
 
 def warn_of_pose(document: Document) -> None:
-    """Warn of skins and shape keys, which would change the surface."""
+    """Warn of skins and morph targets, which would change the surface."""
     counts = _counts(document)
     parts = _named({noun: counts[noun] for noun in _POSES})
     if parts:
@@ -95,13 +95,13 @@ def _counts(source: Document | FbxScene) -> Mapping[str, int]:
 def _counts_of_gltf(document: Document) -> dict[str, int]:
     content = document.content
     extensions = content.get("extensions")
-    lights = extensions.get(_LIGHTS) if isinstance(extensions, dict) else None
+    lights = extensions.get(LIGHTS) if isinstance(extensions, dict) else None
     counts = {noun: _count(content.get(kind)) for kind, noun in _OF_GLTF.items()}
     counts["light"] = _count(lights.get("lights")) if isinstance(lights, dict) else 0
-    counts["shape key"] = 0
-    for mesh in document.items("meshes"):  # all its primitives have the same keys
-        keys = [_count(each.get("targets")) for each in document.objects(mesh, "primitives")]
-        counts["shape key"] += max(keys, default=0)
+    counts["morph target"] = 0
+    for mesh in document.items("meshes"):  # the primitives of a mesh share them
+        targets = [_count(each.get("targets")) for each in document.objects(mesh, "primitives")]
+        counts["morph target"] += max(targets, default=0)
     return counts
 
 
@@ -118,8 +118,8 @@ def _counts_of_fbx(scene: FbxScene) -> Counter[str]:
         found = _OF_FBX.get((name, item.kind if name != "AnimationStack" else ""))
         if found is not None:
             counts[found] += 1
-        if has_polygons(item):  # before version 7, a mesh holds its shape keys itself
-            counts["shape key"] += len(item.node.named("Shape"))
+        if has_polygons(item):  # before version 7, a mesh holds its morph targets itself
+            counts["morph target"] += len(item.node.named("Shape"))
     if all(item.node.name != "AnimationCurve" for item in scene.objects.values()):
         counts["animation"] = 0  # Maya writes an empty one into every file
     return counts
