@@ -13,7 +13,7 @@ from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals, shading_normals
 from texbake.mesh.objects import face_objects, object_groups
-from texbake.mesh.weld import without_copies
+from texbake.mesh.weld import row_sums, without_copies
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -185,7 +185,7 @@ def with_nearest_groups(mesh: Mesh, source: Mesh, threads: int | None = None) ->
 
 
 def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
-    """Give a mesh the groups, colors and motion of `source`, in the same space, that it lacks."""
+    """Give a mesh the groups, colors and deformation of `source` that it lacks, in one space."""
     mesh = with_nearest_motion(mesh, source, threads)
     lacks_groups = mesh.face_groups is None and source.face_groups is not None
     colors = source.colors if mesh.colors is None else None
@@ -208,7 +208,7 @@ def with_nearest_attributes(mesh: Mesh, source: Mesh, threads: int | None = None
 
 
 def with_nearest_motion(mesh: Mesh, source: Mesh, threads: int | None = None) -> Mesh:
-    """Give a mesh that nothing moves what moves the closest points of `source`."""
+    """Give a mesh without deformation that of the closest points of `source`."""
     if mesh.deformation is not None or source.deformation is None:
         return mesh
     frame = LocalFrame.around(source)
@@ -220,14 +220,14 @@ def with_nearest_motion(mesh: Mesh, source: Mesh, threads: int | None = None) ->
 # Points at which corners take their normals lie this far towards the middle of their face, so that
 # the two sides of a hard edge stay apart.
 _INWARDS = 1.0 / 64.0
-# Cosine between a face and a normal of the source that is not one of another layer.
+# Least cosine between a face and a normal of the source; others belong to another layer.
 _ALIKE = 0.2
 
 
 def with_source_normals(mesh: Mesh, source: Mesh, *, threads: int | None = None) -> Mesh:
-    """Give a simplified mesh the normals of the surface that it was made from, where they fit.
+    """Give a simplified mesh the normals of its source, where they fit its faces.
 
-    What is one normal of the mesh stays one: the mean of those that its corners find.
+    Corners that share a normal still do: they get the mean of the normals found at each.
     """
     normals, rows = shading_normals(mesh, threads=threads)
     of_source, source_rows = shading_normals(source, threads=threads)
@@ -240,9 +240,8 @@ def with_source_normals(mesh: Mesh, source: Mesh, *, threads: int | None = None)
     found /= np.maximum(pm.norm(found, axis=1, keepdims=True), 1e-12)
     sides = np.repeat(face_normals(mesh, threads=threads), 3, axis=0)
     fits = pm.vecdot(found, sides) > _ALIKE
-    sums = np.zeros_like(normals)
-    np.add.at(sums, rows.ravel()[fits], found[fits])
+    sums = row_sums(rows.ravel()[fits], found[fits], len(normals))
     lengths = pm.norm(sums, axis=1, keepdims=True)
-    # 0.5: those of fewer than one normal, or of several that point apart.
+    # 0.5: shorter sums have no normal that fits, or normals that cancel each other out.
     new = np.where(lengths > 0.5, sums / np.maximum(lengths, 1e-12), normals)
     return mesh.replace(normals=new, normal_faces=rows, tangents=None)

@@ -22,7 +22,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.remeshing.solid import Nets
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import row_sums, weld_rows
 from texbake.parallel import run_bands
 
 BoolArray = npt.NDArray[np.bool_]
@@ -115,9 +115,7 @@ def _smooth(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArr
     rows = np.searchsorted(ids, edges[:, 0])
     counts = np.bincount(rows, minlength=len(ids))[:, None]
     for _ in range(_SMOOTHINGS):
-        neighbors = positions[edges[:, 1]]
-        sums = [np.bincount(rows, neighbors[:, axis], len(ids)) for axis in range(3)]
-        positions[ids] = np.stack(sums, axis=1) / counts
+        positions[ids] = row_sums(rows, positions[edges[:, 1]], len(ids)) / counts
     return positions
 
 
@@ -136,12 +134,12 @@ def _fair(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray
     shares = 1.0 / counts[tails]
 
     def bends(values: FloatArray) -> FloatArray:
-        sums = [np.bincount(tails, shares * values[heads, axis], n) for axis in range(3)]
-        return np.where(near[used][:, None], np.stack(sums, axis=1) - values, 0.0)
+        sums = row_sums(tails, shares[:, None] * values[heads], n)
+        return np.where(near[used][:, None], sums - values, 0.0)
 
     def pulls(values: FloatArray) -> FloatArray:
-        sums = [np.bincount(heads, shares * values[tails, axis], n) for axis in range(3)]
-        return np.where(is_free, np.stack(sums, axis=1) - values, 0.0)
+        sums = row_sums(heads, shares[:, None] * values[tails], n)
+        return np.where(is_free, sums - values, 0.0)
 
     places = positions[used]
     residual = -pulls(bends(places))
