@@ -143,22 +143,25 @@ def _twins(corners: Int64Array, polygons: IntArray, image_of: Int64Array) -> Int
     codes = _sums(np.repeat(polygons, 3), corners.ravel(), n_polygons)
     of_images = _sums(np.repeat(polygons, 3), images.ravel(), n_polygons)
     of_images[polygons[(images < 0).any(axis=1)]] = 0
-    order = np.argsort(codes, kind="stable")
-    at = np.minimum(np.searchsorted(codes[order], of_images), n_polygons - 1)
-    twin = np.where(codes[order[at]] == of_images, order[at], -1)
+    twin = _matches(codes, of_images)
     # Only polygons that are each other's images, so that none is the image of two.
     twin[(twin >= 0) & (twin[twin] != np.arange(n_polygons))] = -1
     keys = (np.repeat(polygons, 3).astype(np.int64) << 32) + corners.ravel()
     wanted = (np.repeat(twin[polygons], 3).astype(np.int64) << 32) + images.ravel()
-    order = np.argsort(keys, kind="stable")
-    at = np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)
-    found = np.where(keys[order[at]] == wanted, order[at], -1).reshape(-1, 3)
+    found = _matches(keys, wanted).reshape(-1, 3)
     found[(found < 0).any(axis=1)] = -1
     lost = np.zeros(n_polygons, dtype=bool)
     lost[polygons[found[:, 0] < 0]] = True
     lost |= lost[twin] & (twin >= 0)
     found[lost[polygons]] = -1
-    return found.astype(np.int64)
+    return found
+
+
+def _matches(keys: Int64Array, wanted: Int64Array) -> Int64Array:
+    """(n,) the first of the keys that equals each wanted one, by its index; -1 for none."""
+    order = np.argsort(keys, kind="stable")
+    at = order[np.minimum(np.searchsorted(keys[order], wanted), len(keys) - 1)]
+    return np.where(keys[at] == wanted, at, -1)
 
 
 def _sums(owners: IntArray, vertices: Int64Array, n: int) -> Int64Array:

@@ -17,7 +17,6 @@ from texbake.mapping.atlas.joining.stitch import (
     ChartMerge,
     MergeTolerance,
     find_merge,
-    merge_cost,
     relax_merge,
 )
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -73,27 +72,7 @@ def plan_join(one: int, other: int, counterparts: Mapping[int, int] | None) -> J
     return JoinPlan(((one, other), (first, second)), "other")
 
 
-@dataclass(frozen=True, eq=False)
-class PairedMerge:
-    """Pieces flattened as one chart or as a mirrored pair; see `ChartMerge`."""
-
-    unions: tuple[ChartPiece, ...]
-    excess: float
-    waste: float
-    share: float
-    factor: float  # on the cost
-
-    @property
-    def l2(self) -> float:
-        """The L2 stretch of the union that stretches most."""
-        return max(piece.l2 for piece in self.unions)
-
-    def cost(self, scale: MergeTolerance) -> float:
-        """Share of the allowance that the merge uses, divided by the share that is stitched."""
-        return self.factor * merge_cost(self.excess, self.waste, self.share, scale)
-
-
-def find_paired_merge(
+def find_planned_merge(
     pieces: Mapping[int, ChartPiece],
     plan: JoinPlan,
     opposite: IntArray,
@@ -101,7 +80,7 @@ def find_paired_merge(
     *,
     scale: MergeTolerance,
     n_iterations: int,
-) -> ChartMerge | PairedMerge | None:
+) -> ChartMerge | None:
     """Flatten the unions of a plan; None if one of the joins is impossible."""
     if plan.counterpart == "self":
         scale = replace(scale, chart_area=_MIDDLE * scale.chart_area)
@@ -116,28 +95,22 @@ def find_paired_merge(
             if merge is None:
                 return None
             merges.append(merge)
-            piece = merge.piece
+            piece = merge.unions[0]
         unions.append(piece)
-    if len(merges) == 1 and plan.counterpart != "self":
-        return merges[0]
-    return PairedMerge(
-        tuple(unions),
-        sum(merge.excess for merge in merges),
-        sum(merge.waste for merge in merges),
-        sum(merge.share for merge in merges),
-        _PAIR_COST if len(merges) == 1 else 1.0,
+    return ChartMerge(
+        unions=tuple(unions),
+        excess=sum(merge.excess for merge in merges),
+        waste=sum(merge.waste for merge in merges),
+        share=sum(merge.share for merge in merges),
+        factor=_PAIR_COST if len(merges) == 1 and plan.counterpart == "self" else 1.0,
     )
 
 
-def relax_paired_merge(
-    merge: ChartMerge | PairedMerge,
-    pieces: Mapping[int, ChartPiece],
-    plan: JoinPlan,
-    *,
-    n_iterations: int,
-) -> ChartMerge | PairedMerge | None:
+def relax_planned_merge(
+    merge: ChartMerge, pieces: Mapping[int, ChartPiece], plan: JoinPlan, *, n_iterations: int
+) -> ChartMerge | None:
     """Improve the layout of a merge; None if it then has flips or overlaps."""
-    if isinstance(merge, ChartMerge):
+    if len(plan.members) == 2 and plan.counterpart != "self":
         one, other = plan.members
         return relax_merge(merge, pieces[one], pieces[other], n_iterations=n_iterations)
     unions = []

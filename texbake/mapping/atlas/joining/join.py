@@ -24,11 +24,10 @@ from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.cutting.cut import STRIP_SIDES
 from texbake.mapping.atlas.joining.counterparts import (
     JoinPlan,
-    PairedMerge,
     PlanKey,
-    find_paired_merge,
+    find_planned_merge,
     plan_join,
-    relax_paired_merge,
+    relax_planned_merge,
 )
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, compact_parts, pieces_of
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance
@@ -130,7 +129,7 @@ class _Candidate:
     plan: JoinPlan
     cost: float = 0.0
     effort: int = _GUESSED
-    merge: ChartMerge | PairedMerge | None = None
+    merge: ChartMerge | None = None
 
     def __lt__(self, than: _Candidate) -> bool:
         return (self.cost, self.one, self.other) < (than.cost, than.one, than.other)
@@ -252,7 +251,7 @@ class _Joining:
         def look(start: int, stop: int) -> None:
             for candidate in candidates[start:stop]:
                 if candidate.merge is None:
-                    candidate.merge = find_paired_merge(
+                    candidate.merge = find_planned_merge(
                         self.pieces,
                         candidate.plan,
                         self._opposite,
@@ -261,7 +260,7 @@ class _Joining:
                         n_iterations=n_iterations,
                     )
                 else:
-                    candidate.merge = relax_paired_merge(
+                    candidate.merge = relax_planned_merge(
                         candidate.merge, self.pieces, candidate.plan, n_iterations=n_iterations
                     )
 

@@ -1,11 +1,9 @@
-"""Two neighboring charts stitched into one: what it may cost, and what it costs.
+"""Two neighboring charts stitched into one: how much worse that may be, and what it costs.
 
 Kernel: `core/chart_stitching.c`, which says where charts are stitched.
 """
 
 from __future__ import annotations
-
-from typing import Protocol
 
 import numpy as np
 
@@ -22,22 +20,6 @@ _LEAST_COST = 1e-3
 _NEXT_TO_NOTHING = 0.02
 
 
-class Merge(Protocol):
-    """A join of pieces: the stretch and the empty area that it adds."""
-
-    @property
-    def excess(self) -> float:
-        """Stretch that the join adds; see `MergeTolerance`."""
-
-    @property
-    def waste(self) -> float:
-        """Empty area that the join adds."""
-
-    @property
-    def l2(self) -> float:
-        """L2 stretch of the union that stretches most."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class MergeTolerance:
     """How much worse joining may make the charts."""
@@ -51,7 +33,7 @@ class MergeTolerance:
     chart_length: float
     strip_length: float  # a longer piece joins only pieces at least half as long as itself
 
-    def covers(self, merge: Merge) -> bool:
+    def covers(self, merge: ChartMerge) -> bool:
         """Whether a merge is allowed; one that makes nothing worse always is."""
         return (
             merge.excess <= max(self.excess, 0.0)
@@ -70,34 +52,25 @@ class MergeTolerance:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChartMerge:
-    """Two pieces flattened as one."""
+    """Two or more pieces flattened as one, or as two that mirror each other."""
 
-    piece: ChartPiece  # the joined piece
-    # excess, waste: what it adds to the sum of the two; see `MergeTolerance`.
+    unions: tuple[ChartPiece, ...]  # the joined pieces
+    # excess, waste: what the merge adds to the sums over its pieces; see `MergeTolerance`.
     excess: float
     waste: float
     share: float  # weighted length along which they are stitched, in lengths of the shorter border
-
-    @property
-    def unions(self) -> tuple[ChartPiece, ...]:
-        """The joined piece."""
-        return (self.piece,)
+    factor: float = 1.0  # on the cost
 
     @property
     def l2(self) -> float:
-        """Stretch of the joined piece."""
-        return self.piece.l2
+        """L2 stretch of the union that stretches most."""
+        return max(piece.l2 for piece in self.unions)
 
     def cost(self, scale: MergeTolerance) -> float:
-        """Share of the allowance that it uses, divided by the share that is stitched."""
-        return merge_cost(self.excess, self.waste, self.share, scale)
-
-
-def merge_cost(excess: float, waste: float, share: float, scale: MergeTolerance) -> float:
-    """Share of an allowance that a merge uses, divided by the share that is stitched."""
-    excess = max(excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
-    waste = max(waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
-    return (excess + waste + _LEAST_COST) / share
+        """Share of the allowance that the merge uses, divided by the share that is stitched."""
+        excess = max(self.excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
+        waste = max(self.waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
+        return self.factor * ((excess + waste + _LEAST_COST) / self.share)
 
 
 def find_merge(
@@ -155,13 +128,13 @@ def relax_merge(
     merge: ChartMerge, one: ChartPiece, other: ChartPiece, *, n_iterations: int
 ) -> ChartMerge | None:
     """Improve the layout of a merge; None if it then has flips or overlaps."""
-    piece = relax_piece(merge.piece, n_iterations=n_iterations)
+    piece = relax_piece(merge.unions[0], n_iterations=n_iterations)
     return None if piece is None else _chart_merge(piece, one, other, merge.share)
 
 
 def _chart_merge(piece: ChartPiece, one: ChartPiece, other: ChartPiece, share: float) -> ChartMerge:
     return ChartMerge(
-        piece=piece,
+        unions=(piece,),
         excess=piece.excess - one.excess - other.excess,
         waste=piece.waste - one.waste - other.waste,
         share=share,

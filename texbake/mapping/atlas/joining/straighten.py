@@ -63,14 +63,13 @@ def _straightened(
         faces = after != tried
         if not faces.any():
             return current
-        changed = np.zeros(len(pieces), dtype=bool)
-        changed[tried[faces]] = changed[after[faces]] = True
+        is_changed, is_moved = np.zeros((2, len(pieces)), dtype=bool)
         moved = after != before
-        to_lay = np.zeros(len(pieces), dtype=bool)
-        to_lay[before[moved]] = to_lay[after[moved]] = True
-        for back in np.flatnonzero(changed & ~to_lay).tolist():
-            current[back] = pieces[back]
-        labels = np.flatnonzero(changed & to_lay).astype(np.int32)
+        is_changed[tried[faces]] = is_changed[after[faces]] = True
+        is_moved[before[moved]] = is_moved[after[moved]] = True
+        for label in np.flatnonzero(is_changed).tolist():
+            current[label] = pieces[label]
+        labels = np.flatnonzero(is_changed & is_moved).astype(np.int32)
         laid = _laid(surface, opposite, before, after, labels, pieces)
         for label, found in zip(labels.tolist(), laid, strict=True):
             refused[label] |= found is None
