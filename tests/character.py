@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.deformation import Deformation, Morph
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.rig import Rig, RigObject
@@ -21,7 +22,7 @@ def _grid(n: int, rings: int) -> np.ndarray:
 
 def _tube(n: int, rings: int, radius: float) -> np.ndarray:
     heights, angles = np.meshgrid(np.linspace(0, 2, rings), 2 * np.pi * np.arange(n) / n)
-    points = np.stack([radius * np.cos(angles), heights, -radius * np.sin(angles)], axis=-1)
+    points = np.stack([radius * pm.cos(angles), heights, -radius * pm.sin(angles)], axis=-1)
     return points.swapaxes(0, 1).reshape(-1, 3)
 
 
@@ -34,7 +35,7 @@ def character(n: int = 24, rings: int = 41) -> tuple[Mesh, Rig]:
     upper = np.clip((body[:, 1] - 0.6) / 0.8, 0.0, 1.0)
     joints = np.concatenate([np.tile([LOWER, UPPER], (len(body), 1)), np.tile([AXLE, 0], (16, 1))])
     weights = np.concatenate([np.stack([1 - upper, upper], axis=1), np.tile([1.0, 0.0], (16, 1))])
-    bulge = body * [1, 0, 1] * np.exp(-(((body[:, 1:2] - 1.6) / 0.15) ** 2))
+    bulge = body * [1, 0, 1] * pm.exp(-(((body[:, 1:2] - 1.6) / 0.15) ** 2))
     bulge[np.abs(bulge) < 1e-3] = 0.0
     faces = np.concatenate([_grid(n, rings), len(body) + _grid(8, 2)])
     mesh = Mesh(
@@ -52,8 +53,8 @@ def character(n: int = 24, rings: int = 41) -> tuple[Mesh, Rig]:
     )
     bind = np.tile(np.eye(4), (2, 1, 1))
     bind[1, 3, 1] = -1.0  # columns are written one after the other
-    turn = np.stack([0 * TIMES, 0 * TIMES, np.sin(TIMES * np.pi / 4), np.cos(TIMES * np.pi / 4)])
-    arrays = (bind.reshape(2, 16), TIMES[:, None], turn.T, np.sin(np.pi * TIMES)[:, None])
+    turn = np.stack([0 * TIMES, 0 * TIMES, pm.sin(TIMES * np.pi / 4), pm.cos(TIMES * np.pi / 4)])
+    arrays = (bind.reshape(2, 16), TIMES[:, None], turn.T, pm.sin(np.pi * TIMES)[:, None])
     channels = [(UPPER, "rotation", 2), (AXLE, "rotation", 2), (BODY, "weights", 3)]
     content = {
         "nodes": [
@@ -103,12 +104,12 @@ def character(n: int = 24, rings: int = 41) -> tuple[Mesh, Rig]:
 def posed(mesh: Mesh, rig: Rig, share: float) -> np.ndarray:
     """(V, 3) positions of a mesh at a time of the animation, from 0 to 1."""
     deformation = mesh.deformation
-    bulge = np.sin(np.pi * share)
+    bulge = pm.sin(np.pi * share)
     points = mesh.positions.copy()
     for morph in deformation.morphs:
         points += bulge * morph.rows(mesh.n_vertices)
     angle = share * np.pi / 2
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0],
+    turn = np.array([[pm.cos(angle), -pm.sin(angle), 0], [pm.sin(angle), pm.cos(angle), 0],
                      [0, 0, 1.0]])  # fmt: skip
     pivots = {LOWER: None, UPPER: [0, 1, 0], AXLE: [1, 0.5, 0]}
     moved = np.zeros_like(points)

@@ -107,10 +107,19 @@ run colored.ply -o painted --faces 300 --size 128
 lighten colored.ply -o light.glb --faces 300 --size 128 --images png --views 0
 """
 
+# The same in a folder with a character of each format.
+CHARACTERS = """
+convert character.fbx -o converted.glb
+transform character.glb -o turned.glb --scale 3 --up z
+simplify character.glb -o low.glb --faces 300
+unwrap low.glb -o low_uv.glb --size 256
+lighten character.glb -o light.glb --faces 300 --size 128 --images png --views 0
+"""
 
-def command_lines():
+
+def command_lines(commands=COMMANDS):
     """Words of each command line, with continued lines joined."""
-    return [line.split() for line in COMMANDS.replace("\\\n", "").strip().splitlines()]
+    return [line.split() for line in commands.replace("\\\n", "").strip().splitlines()]
 
 
 def run_commands():
@@ -129,6 +138,20 @@ def run_commands():
         started = time.perf_counter()
         run_command(*words)
         print(f"{time.perf_counter() - started:6.2f} s  texbake {' '.join(words)}")
+
+
+def run_characters():
+    """Run command lines on meshes with skins, morph targets and animations."""
+    sys.path.insert(0, str(HERE.parents[1]))
+    import texbake
+    from tests.character import character
+    from tests.fbx_writer import moving_scene, written
+
+    mesh, rig = character()
+    texbake.write_mesh(mesh, "character.glb", rig=rig)
+    Path("character.fbx").write_bytes(written(moving_scene(), 7400, "binary"))
+    for words in command_lines(CHARACTERS):
+        run_command(*words)
 
 
 def run_command(*words):
@@ -196,6 +219,7 @@ GROUPS: dict[str, Callable[[], None]] = {
     "gallery": run_gallery,
     "pipeline": run_pipeline,
     "commands": run_commands,
+    "characters": run_characters,
 }
 
 
