@@ -284,10 +284,9 @@ def lighten(folder: Path, options: Options) -> None:
     from texbake.jobs.lighten import lighten as lightened
     from texbake.jobs.lighten_options import LightenOptions
 
-    done = lightened(
-        folder / "in.glb", folder / "out.glb", LightenOptions(images="png", views=0, **options),
-        None, "", Told(),
-    )  # fmt: skip
+    # Quantized positions need a node of their own, which Blender would show as a child object.
+    chosen = LightenOptions(images="png", views=0, quantize=False, **options)
+    done = lightened(folder / "in.glb", folder / "out.glb", chosen, None, "", Told())
     report = done.report
     tell(warnings=list(done.warnings), done={"faces": [[report.n_faces_before, report.n_faces]]})
 
