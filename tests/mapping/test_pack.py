@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
-from texbake.mapping.atlas.packing.pack import pack_charts
+from texbake.mapping.atlas.packing.pack import pack_charts, upright_tiles
 from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
@@ -314,3 +314,22 @@ def test_memory_does_not_grow_with_the_length_of_charts(n_long, n_squares, effor
     # the coarse grid of the search: 92 MB for 43 charts. Of 1e6 x 1 texels one would take 70 GB.
     assert peak < max(2 * usual, 150_000_000)
     assert ((packing.uvs > 0.0) & (packing.uvs < 1.0)).all()
+
+
+@pytest.mark.parametrize("square", [True, False])
+def test_each_tile_is_turned_upright(square):
+    uvs, faces, chart_ids = triangles(3, 12)
+    packing = pack_charts(uvs, faces, chart_ids, size=SIZE, padding=1, tiles=3)
+    assert packing.n_tiles > 1
+    owners = packing.tiles[chart_ids[faces[:, 0]]]
+    u, v = np.moveaxis(packing.uvs[faces], 2, 0)
+    heights = np.choose(owners[:, None] % 4, [-v, u, v, -u])
+    upright = upright_tiles(packing, chart_ids, faces, heights, square=square)
+    assert np.array_equal(np.floor(upright), np.floor(packing.uvs))  # in their tiles
+    corners, before = upright[faces], packing.uvs[faces]
+    assert np.allclose(signed_areas(corners), signed_areas(before))
+    standing = owners % 4 % 2 == 0 if not square else np.ones(len(owners), dtype=bool)
+    rise = (corners - corners[:, :1])[standing][..., 1]
+    assert np.allclose(rise, (heights - heights[:, :1])[standing])
+    flat = upright_tiles(packing, chart_ids, faces, np.zeros(faces.shape), square=square)
+    assert np.array_equal(flat, packing.uvs)

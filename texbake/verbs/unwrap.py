@@ -277,5 +277,5 @@ STEP = step_of(
     outputs=lambda settings: {"mesh": f"unwrapped.{settings['format']}"},
     memory=lambda settings, sizes: PROCESS + 6_000 * n_faces(sizes, "mesh"),
     figures=_figures,
-    revision=3,
+    revision=4,
 )

@@ -38,7 +38,7 @@ from texbake.mapping.atlas.mirrored_charts import (
     half_surface,
     stacked_charts,
 )
-from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts
+from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts, upright_tiles
 from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
 from texbake.mesh.compose import offset_joined
@@ -159,11 +159,13 @@ def _packed_charts(
     padding = options.padding
     if padding is None:
         padding = fitting_padding(size, sum(charts.n_charts for charts in all_charts))
+    faces = offset_joined([(charts.packed_faces, len(charts.uvs)) for charts in all_charts])
+    chart_ids = offset_joined([(charts.chart_ids, charts.n_charts) for charts in all_charts])
     with stages.stage("pack charts"):
         packing = pack_charts(
             np.concatenate([charts.uvs for charts in all_charts]),
-            offset_joined([(charts.packed_faces, len(charts.uvs)) for charts in all_charts]),
-            offset_joined([(charts.chart_ids, charts.n_charts) for charts in all_charts]),
+            faces,
+            chart_ids,
             size=size,
             padding=padding,
             name=_name_of(meshes),
@@ -176,7 +178,14 @@ def _packed_charts(
             threads=threads,
         )
     all_charts = _with_notes(all_charts, packing.reshaped)
-    parts = np.split(packing.uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
+    heights = np.concatenate(
+        [
+            mesh.positions[mesh.faces if charts.stacked is None else mesh.faces[~charts.stacked], 1]
+            for mesh, charts in zip(meshes, all_charts, strict=True)
+        ]
+    )
+    uvs = upright_tiles(packing, chart_ids, faces, heights, square=size[0] == size[1])
+    parts = np.split(uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
     atlases = [
         Atlas(corners=uvs[charts.faces], charts=charts, padding=padding)
         for uvs, charts in zip(parts, all_charts, strict=True)

@@ -77,6 +77,7 @@ _MANY_FACES = 4000
 _MANY_TO_ARRANGE = 15
 
 _UDIM_COLUMNS = 10
+_SLIGHT = 1e-6  # an advantage that could be rounding, as a share of the whole
 _MOST_TILES = 1000  # of all groups together; each has a grid of cells in memory
 _MOST_TILES_TOLD = 1000  # tried in order to say how many would be enough
 
@@ -149,6 +150,34 @@ def pack_charts(
     elif not place_at_largest_scale(bins, n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
     return _packed(bins, size, padding, reshaped)
+
+
+def upright_tiles(
+    packing: Packing, chart_ids: IntArray, faces: IntArray, heights: FloatArray, *, square: bool
+) -> FloatArray:
+    """(T, 2) coordinates, with each tile turned so that world up is up for most of its area.
+
+    `chart_ids` (T,) int32; `faces` (F, 3) int32; `heights` (F, 3) float64: of their corners in
+    space. A tile gives up no room for a quarter turn, or for a half turn unless it is `square`.
+    """
+    corners = packing.uvs[faces]
+    (x1, y1), (x2, y2) = (corners[:, i].T - corners[:, 0].T for i in (1, 2))
+    rise1, rise2 = (heights[:, i] - heights[:, 0] for i in (1, 2))
+    # Gradient of the height in the texture, times twice the area.
+    along, up = rise1 * y2 - rise2 * y1, rise2 * x1 - rise1 * x2
+    owners, tile_of = packing.tiles[chart_ids[faces[:, 0]]], packing.tiles[chart_ids]
+    uvs = packing.uvs.copy()
+    for tile in np.unique(owners):
+        own, moved = owners == tile, tile_of == tile
+        x, y = float(along[own].sum()), float(up[own].sum())
+        rows = [(y, 0), (x, 1), (-y, 2), (-x, 3)][:: 1 if square else 2]
+        slight = _SLIGHT * float((np.abs(along[own]) + np.abs(up[own])).sum())
+        turns = max(rows, key=lambda row: row[0] - slight * row[1])[1]
+        first = np.array([tile % _UDIM_COLUMNS, tile // _UDIM_COLUMNS])
+        u, v = (uvs[moved] - first).T
+        turned = [(u, v), (1.0 - v, u), (1.0 - u, 1.0 - v), (v, 1.0 - u)][turns]
+        uvs[moved] = np.stack(turned, axis=1) + first
+    return uvs
 
 
 def check_tiles(n_groups: int, tiles: int, name: str) -> None:
