@@ -23,7 +23,8 @@ from .jobs.run import run as run
 from .mapping.distortion import distortion as distortion
 from .mapping.layout import draw_layout as draw_layout
 from .mapping.options import UnwrapOptions as UnwrapOptions
-from .mapping.unwrap import parametrize as parametrize, unwrap as unwrap
+from .mapping.parametrize import parametrize as parametrize
+from .mapping.unwrap import unwrap as unwrap
 from .mesh.distance import surface_distance as surface_distance
 from .mesh.files import read_mesh as read_mesh, write_mesh as write_mesh
 from .mesh.info import mesh_info as mesh_info

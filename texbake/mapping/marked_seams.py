@@ -1,5 +1,6 @@
-"""Seams that a person marked: pairs of vertices, lines in a file, or those of the mesh's own UVs.
+"""What a person marked: seams, protected faces, and how important faces are.
 
+Seams are pairs of vertices, lines in a file, or those of the mesh's own UVs.
 Seams are compared by where they lie, so that vertices that a file repeats make no difference.
 """
 
@@ -28,7 +29,7 @@ _CELLS = 2.0**20
 
 
 def cuts_of(
-    mesh: Mesh, edges: npt.ArrayLike | None, faces: BoolArray, options: UnwrapOptions
+    mesh: Mesh, faces: BoolArray, edges: npt.ArrayLike | None, options: UnwrapOptions
 ) -> BoolArray | None:
     """Edges of the chosen faces along which charts are cut, (n, 3) bool; None to choose them."""
     if edges is None and not options.keep_seams:
@@ -41,7 +42,7 @@ def cuts_of(
 
 
 def protected_of(
-    mesh: Mesh, numbers: npt.ArrayLike | None, faces: BoolArray, options: UnwrapOptions
+    mesh: Mesh, faces: BoolArray, numbers: npt.ArrayLike | None, options: UnwrapOptions
 ) -> BoolArray | None:
     """(n,) bool: which of the chosen faces no seam cuts."""
     if numbers is None:
@@ -51,6 +52,21 @@ def protected_of(
     marked = np.zeros(mesh.n_faces, dtype=np.bool_)
     marked[_checked(numbers, "protect", mesh, "face")] = True
     return marked[faces]
+
+
+def importance_of(mesh: Mesh, faces: BoolArray, values: npt.ArrayLike | None) -> FloatArray | None:
+    """(n,) importance of the chosen faces, from 0 to 1."""
+    if values is None:
+        return None
+    importance = plain_array(values, "importance").astype(np.float64)
+    if importance.shape != (mesh.n_faces,):
+        raise OptionError(
+            f"importance: the array has the shape {importance.shape}; pass one number for each of "
+            f"the {mesh.n_faces} faces of {mesh.name}"
+        )
+    if not ((importance >= 0.0) & (importance <= 1.0)).all():
+        raise OptionError("importance: some numbers are not in the range 0 to 1")
+    return importance[faces]
 
 
 def marked_edges(mesh: Mesh, edges: npt.ArrayLike | None, *, keep: bool = False) -> BoolArray:

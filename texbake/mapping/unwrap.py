@@ -28,11 +28,12 @@ from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
-from texbake.mesh.interchange import MeshLike, as_mesh, plain_array
-from texbake.mesh.mesh import BoolArray, Float32Array, Mesh, UvSet
+from texbake.mesh.interchange import MeshLike, as_mesh
+from texbake.mesh.mesh import BoolArray, Mesh, UvSet
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
+_MARKS = "seams", "protect", "importance"  # what a user gives for the edges and faces of a mesh
 _FARTHEST = 1e12  # tiles from the origin; beyond it, float64 cannot resolve 1/4096 of a tile
 
 
@@ -42,6 +43,7 @@ def unwrap(
     *,
     seams: npt.ArrayLike | None = None,
     protect: npt.ArrayLike | None = None,
+    importance: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
@@ -59,6 +61,9 @@ def unwrap(
         piece cannot be laid flat otherwise. With None, texbake chooses the seams.
     protect : (n,) int, optional
         Faces (triangles) between which no seam of an atlas runs, unless they cannot be laid flat.
+    importance : (F,) float, optional
+        For each face (triangle) a number from 0 to 1. A chart of mean x gets 4^x times the texels
+        per unit of length that it gets at 0.
     threads
         None for every processor; the result does not depend on it.
     progress
@@ -84,7 +89,8 @@ def unwrap(
     """
     mesh = as_mesh(mesh)
     options = replace(options or UnwrapOptions(), **changes)
-    return _unwrapped([mesh], options, [seams], [protect], Stages(progress), threads)[0][0]
+    marks = [seams], [protect], [importance]
+    return _unwrapped([mesh], options, marks, Stages(progress), threads)[0][0]
 
 
 def unwrap_with_report(
@@ -93,6 +99,7 @@ def unwrap_with_report(
     *,
     seams: npt.ArrayLike | None = None,
     protect: npt.ArrayLike | None = None,
+    importance: npt.ArrayLike | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
@@ -103,6 +110,7 @@ def unwrap_with_report(
         options,
         seams=[seams],
         protect=[protect],
+        importance=[importance],
         threads=threads,
         progress=progress,
         **changes,
@@ -115,22 +123,22 @@ def unwrap_together(
     *,
     seams: Sequence[npt.ArrayLike | None] | None = None,
     protect: Sequence[npt.ArrayLike | None] | None = None,
+    importance: Sequence[npt.ArrayLike | None] | None = None,
     threads: int | None = None,
     progress: Progress = None,
     **changes: Any,
 ) -> list[tuple[Mesh, UnwrapReport]]:
-    """Unwrap meshes into one texture; `seams`, `protect` and reports by mesh."""
+    """Unwrap meshes into one texture; `seams`, `protect`, `importance` and reports by mesh."""
     options = replace(options or UnwrapOptions(), **changes)
     stages = Stages(progress)
-    seams = [None] * len(meshes) if seams is None else seams
-    protect = [None] * len(meshes) if protect is None else protect
-    for name, each in ("seams", seams), ("protect", protect):
+    marks = [
+        [None] * len(meshes) if each is None else each for each in (seams, protect, importance)
+    ]
+    for name, each in zip(_MARKS, marks, strict=True):
         if len(each) != len(meshes):
             n_meshes = counted(len(meshes), "mesh", "meshes")
             raise OptionError(f"{name}: there are {len(each)} for {n_meshes}; give one for each")
-    results = _unwrapped(
-        [as_mesh(mesh) for mesh in meshes], options, seams, protect, stages, threads
-    )
+    results = _unwrapped([as_mesh(mesh) for mesh in meshes], options, marks, stages, threads)
     with stages.stage("measure"):
         measured = [
             _measured(mesh.on_uv_set(options.uv_set), mapped.stacked, options, threads)
@@ -168,12 +176,14 @@ def _measured(
 def _unwrapped(
     meshes: Sequence[Mesh],
     options: UnwrapOptions,
-    seams: Sequence[npt.ArrayLike | None],
-    protect: Sequence[npt.ArrayLike | None],
+    marks: Sequence[Sequence[Any]],
     stages: Stages,
     threads: int | None,
 ) -> list[tuple[Mesh, Projected]]:
-    """Choose the faces to map, map them, and store their coordinates in the meshes."""
+    """Choose the faces to map, map them, and store their coordinates in the meshes.
+
+    `marks`: for each name of `_MARKS` what the user gives for each mesh, or None.
+    """
     if len(meshes) == 0:
         raise OptionError("meshes: there are none to unwrap")
     for mesh in meshes:
@@ -192,12 +202,14 @@ def _unwrapped(
     else:
         chosen = [faces_of_group(mesh, options.only) for mesh in meshes]
         parts = [selected(mesh, faces) for mesh, faces in zip(meshes, chosen, strict=True)]
+    given = [
+        name for name, each in zip(_MARKS, marks, strict=True) if any(x is not None for x in each)
+    ]
     if options.method == "atlas":
-        marks = meshes, chosen, seams, protect
-        mapped = _mapped_by_atlas(parts, options, marks, stages, threads)
-    elif any(each is not None for each in (*seams, *protect)):
-        name = "protect" if all(edges is None for edges in seams) else "seams"
-        raise OptionError(f"{name}: the method {options.method} has no seams; use atlas")
+        mapped = _mapped_by_atlas(parts, options, (meshes, chosen, *marks), stages, threads)
+    elif given:
+        what = "charts" if given[0] == "importance" else "seams"
+        raise OptionError(f"{given[0]}: the method {options.method} has no {what}; use atlas")
     elif len(meshes) > 1:
         raise OptionError(
             f"method: {options.method} maps one mesh at a time; for several meshes use atlas"
@@ -236,21 +248,29 @@ def _unwrapped(
 def _mapped_by_atlas(
     parts: Sequence[Mesh],
     options: UnwrapOptions,
-    marks: tuple[Sequence[Mesh], Sequence[BoolArray], Sequence[Any], Sequence[Any]],
+    marks: tuple[Sequence[Any], ...],
     stages: Stages,
     threads: int | None,
 ) -> list[Projected]:
-    """Map by one atlas; `marks`: meshes, their faces that are parts, seams, and protected faces."""
+    """Map by one atlas; `marks`: meshes, their faces that are parts, and what `_MARKS` names."""
     from texbake.mapping.atlas.atlas import make_atlas
-    from texbake.mapping.marked_seams import cuts_of, protected_of
+    from texbake.mapping.marked_seams import cuts_of, importance_of, protected_of
 
-    meshes, chosen, seams, protect = marks
-    of_meshes = list(zip(meshes, seams, protect, chosen, strict=True))
-    cuts = [cuts_of(mesh, edges, faces, options) for mesh, edges, _, faces in of_meshes]
-    protected = [protected_of(mesh, ids, faces, options) for mesh, _, ids, faces in of_meshes]
+    meshes, chosen, seams, protect, importance = marks
+    faces_of = list(zip(meshes, chosen, strict=True))
     mapped = []
     for atlas in make_atlas(
-        parts, options, stages, seams=cuts, protected=protected, threads=threads
+        parts,
+        options,
+        stages,
+        seams=[cuts_of(*each, edges, options) for each, edges in zip(faces_of, seams, strict=True)],
+        protected=[
+            protected_of(*each, ids, options) for each, ids in zip(faces_of, protect, strict=True)
+        ],
+        importance=[
+            importance_of(*each, values) for each, values in zip(faces_of, importance, strict=True)
+        ],
+        threads=threads,
     ):
         charts = atlas.charts
         n_stacked = 0 if charts.stacked is None else int(charts.stacked.sum())
@@ -334,67 +354,3 @@ def _options_in_use(options: UnwrapOptions) -> dict[str, Any]:
     if callable(options.warp):
         values["warp"] = getattr(options.warp, "__name__", "a function")
     return values
-
-
-def parametrize(
-    positions: npt.ArrayLike,
-    indices: npt.ArrayLike,
-    normals: npt.ArrayLike | None = None,
-    uvs: npt.ArrayLike | None = None,
-    *,
-    threads: int | None = None,
-    **changes: Any,
-) -> tuple[npt.NDArray[np.uint32], npt.NDArray[np.uint32], Float32Array]:
-    """Unwrap triangles, as `xatlas.parametrize` does; see also `texbake.compat.xatlas`.
-
-    Parameters
-    ----------
-    positions : (V, 3) float
-    indices : (F, 3) int
-        Corners of the faces.
-    normals, uvs : array, optional
-        Accepted as xatlas accepts them, and not used: charts depend on the shape alone.
-    threads
-        None for every processor; the result does not depend on it.
-    **changes
-        Fields of `UnwrapOptions`, as in ``parametrize(positions, indices, quality="fast")``.
-        Without them the atlas has the quality `good` and suits a texture of 1024 x 1024 texels.
-
-    Returns
-    -------
-    mapping : (N,) uint32
-        The vertex that each vertex of the atlas was: attributes of the atlas are
-        ``attributes[mapping]``.
-    indices : (F, 3) uint32
-        The faces, in their order, as indices into the vertices of the atlas.
-    uvs : (N, 2) float32
-        Their texture coordinates, in the unit square.
-
-    Raises
-    ------
-    UnwrapError
-        No face has an area, or the charts do not fit.
-
-    Examples
-    --------
-    >>> vertices = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float32)
-    >>> mapping, indices, uvs = parametrize(vertices, [[0, 1, 2], [0, 2, 3]])
-    >>> mapping[indices].tolist()
-    [[0, 1, 2], [0, 2, 3]]
-    >>> uvs.shape
-    (4, 2)
-    """
-    mesh = Mesh(
-        positions=plain_array(positions, "positions"),
-        faces=plain_array(indices, "indices"),
-        name="mesh",
-    )
-    unwrapped = unwrap(mesh, threads=threads, **changes)
-    assert unwrapped.uvs is not None and unwrapped.uv_faces is not None
-    pairs = np.stack([unwrapped.faces.ravel(), unwrapped.uv_faces.ravel()], axis=1)
-    used, corners = np.unique(pairs, axis=0, return_inverse=True)
-    return (
-        used[:, 0].astype(np.uint32),
-        corners.reshape(-1, 3).astype(np.uint32),
-        unwrapped.uvs[used[:, 1]].astype(np.float32),
-    )

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 SECTIONS = {
     "Method": ("method", "size", "only", "uv_set"),
     "Atlas": (
-        *("padding", "quality", "max_stretch", "seams", "protect", "keep_seams"),
-        *("seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry", "tiles", "by_group"),
-        *("keep", "charts", "timeout"),
+        *("padding", "quality", "max_stretch", "seams", "protect", "importance"),
+        *("keep_seams", "seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry", "tiles"),
+        *("by_group", "keep", "charts", "timeout"),
     ),
     "Classical mappings": (
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),
@@ -104,10 +104,17 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     ),
     Reads(
         "protect", "mesh",
-        "Cut no seam between the faces of this mesh, which are some of those of MESH.",
+        "Cut no seam between the faces of this mesh, which are some of those of MESH, or on faces "
+        "where this image, over the present texture coordinates, is white.",
         required=False, role=None, metavar="FILE",
     ),
-    Options(UnwrapOptions, *_NAMES[_SEAMS + 2 : _MATRIX]),
+    Reads(
+        "importance", "image",
+        "Give charts up to four times as many texels per unit of length where this image, over the "
+        "present texture coordinates, is white; the word `colors` means the vertex colors.",
+        required=False, role=None, metavar="IMAGE|colors",
+    ),
+    Options(UnwrapOptions, *_NAMES[_SEAMS + 3 : _MATRIX]),
     Reads(
         "matrix", "matrix", option_of(UnwrapOptions, "matrix").help, required=False, role=None,
         suffixes=(".txt",), metavar="FILE",
@@ -138,6 +145,7 @@ def unwrap_files(
     *,
     seams: PathLike | None = None,
     protect: PathLike | None = None,
+    importance: PathLike | None = None,
     layout: PathLike | None = None,
     heat: bool = False,
     checker: PathLike | None = None,
@@ -152,7 +160,8 @@ def unwrap_files(
     In an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
     """
-    from texbake.mapping.marked_seams import faces_at, read_seams
+    from texbake.jobs.painted_faces import importance_at, protected_at
+    from texbake.mapping.marked_seams import read_seams
     from texbake.mapping.unwrap import unwrap_together
     from texbake.mesh.files import read_mesh
 
@@ -169,9 +178,16 @@ def unwrap_files(
         check_uv_set(outputs)
     read = [read_mesh(path, progress=progress) for path in sources]
     marked = None if seams is None else [read_seams(seams, mesh) for mesh in read]
-    kept = None if protect is None else [faces_at(protect, mesh) for mesh in read]
+    kept = None if protect is None else [protected_at(protect, mesh) for mesh in read]
+    valued = None if importance is None else [importance_at(importance, mesh) for mesh in read]
     results = unwrap_together(
-        read, options, seams=marked, protect=kept, threads=threads, progress=progress
+        read,
+        options,
+        seams=marked,
+        protect=kept,
+        importance=valued,
+        threads=threads,
+        progress=progress,
     )
     if len(sources) > 1:
         make_folder(output)

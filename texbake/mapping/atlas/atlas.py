@@ -14,6 +14,7 @@ from texbake.errors import UnwrapError, counted
 from texbake.mapping.atlas.charts import (
     Charts,
     ChartSurface,
+    enlarged,
     existing_charts,
     find_isolated_faces,
     gather_charts,
@@ -83,13 +84,16 @@ def make_atlas(
     *,
     seams: Sequence[BoolArray | None],
     protected: Sequence[BoolArray | None],
+    importance: Sequence[FloatArray | None] | None = None,
     threads: int | None = None,
 ) -> list[Atlas]:
     """Make the charts of meshes and pack them all into one texture or its tiles.
 
     `seams`: for each mesh, (F, 3) bool: edges at which charts are cut; None to choose them.
-    `protected`: for each mesh, (F,) bool: faces between which no seam may run.
+    `protected`: for each mesh, (F,) bool: faces between which no seam may run. `importance`: for
+    each mesh, (F,) float64 from 0 to 1.
     """
+    importance = importance or [None] * len(meshes)
     if options.by_group:  # fail before the work
         check_tiles(len(groups_in_use(meshes)), options.tiles, _name_of(meshes))
 
@@ -97,16 +101,20 @@ def make_atlas(
     is_free = not options.keep and options.symmetry != "overlap"
     is_free &= all(each is None for each in (*seams, *protected))
     if options.quality == "best" and options.charts == "texbake" and is_free:
-        return _best_atlases(meshes, options, stages, threads)
+        return _best_atlases(meshes, options, stages, importance, threads)
     all_charts = [
         _make_charts(mesh, options, stages, marked, whole, threads)
         for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
     ]
-    return _packed_charts(meshes, all_charts, options, stages, threads)[0]
+    return _packed_charts(meshes, all_charts, options, stages, importance, threads)[0]
 
 
 def _best_atlases(
-    meshes: Sequence[Mesh], options: UnwrapOptions, stages: Stages, threads: int | None
+    meshes: Sequence[Mesh],
+    options: UnwrapOptions,
+    stages: Stages,
+    importance: Sequence[FloatArray | None],
+    threads: int | None,
 ) -> list[Atlas]:
     """The atlas of the least `layout_cost`: of `good`, of whole bodies, or of larger charts."""
     good = replace(options, quality="good")
@@ -114,7 +122,7 @@ def _best_atlases(
 
     def consider(all_charts: list[Charts]) -> None:
         with suppress(UnwrapError):  # they do not fit
-            _, packing = _packed_charts(meshes, all_charts, good, stages, threads)
+            _, packing = _packed_charts(meshes, all_charts, good, stages, importance, threads)
             candidates.append((layout_cost(meshes, all_charts, packing.fill), all_charts))
 
     of_good = [_make_charts(mesh, good, stages, None, None, threads) for mesh in meshes]
@@ -134,7 +142,7 @@ def _best_atlases(
     if not (candidates and least < _CLEARLY_BETTER * candidates[0][0]):
         consider([_make_charts(mesh, options, stages, None, None, threads) for mesh in meshes])
     chosen = min(candidates, key=lambda each: each[0])[1] if candidates else of_good
-    return _packed_charts(meshes, chosen, options, stages, threads)[0]
+    return _packed_charts(meshes, chosen, options, stages, importance, threads)[0]
 
 
 def _name_of(meshes: Sequence[Mesh]) -> str:
@@ -146,14 +154,15 @@ def _packed_charts(
     all_charts: list[Charts],
     options: UnwrapOptions,
     stages: Stages,
+    importance: Sequence[FloatArray | None],
     threads: int | None,
 ) -> tuple[list[Atlas], Packing]:
-    """Pack the charts of meshes."""
+    """Pack the charts of meshes, important ones larger."""
     sides = [float((mesh.bounds[1] - mesh.bounds[0]).max()) for mesh in meshes]
     unit = max(sides) or 1.0
     all_charts = [
-        replace(charts, uvs=charts.uvs * snapped(side / unit, _SIZES))
-        for charts, side in zip(all_charts, sides, strict=True)
+        enlarged(charts, float(snapped(side / unit, _SIZES)), values)
+        for charts, side, values in zip(all_charts, sides, importance, strict=True)
     ]
     size = options.width_px, options.height_px
     padding = options.padding

@@ -130,6 +130,24 @@ class Charts:
         return np.asarray((self.faces != self.faces[:, :1]).any(axis=1))
 
 
+_MOST_IMPORTANT = 4.0  # texels per unit of length of white charts, in those of black ones
+
+
+def enlarged(charts: Charts, factor: float, importance: FloatArray | None) -> Charts:
+    """Charts times a factor, and each by the mean `importance` (F,) of its faces."""
+    if importance is None:
+        return replace(charts, uvs=charts.uvs * factor)
+    owners = charts.chart_ids[charts.faces[:, 0]]
+    areas = np.abs(signed_areas(charts.uvs[charts.faces]))
+    totals, sums = (
+        np.bincount(owners, weights, minlength=charts.n_charts)
+        for weights in (areas, areas * importance)
+    )
+    means = np.divide(sums, totals, out=np.zeros_like(sums), where=totals > 0.0)
+    factors = factor * np.asarray(pm.power(_MOST_IMPORTANT, means))
+    return replace(charts, uvs=charts.uvs * factors[charts.chart_ids][:, None])
+
+
 def gather_charts(
     mesh_faces: IntArray, pieces: Sequence[tuple[IntArray, Charts]], notes: tuple[str, ...] = ()
 ) -> Charts:

@@ -1,0 +1,72 @@
+"""What a person painted on a mesh, as numbers of its faces: in an image, or as vertex colors.
+
+White is 1 and black 0, as the file stores them; what is transparent counts as black.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from texbake.errors import OptionError, UvError
+from texbake.files import PathLike
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, Mesh
+
+COLORS = "colors"  # in place of an image: the vertex colors
+_DIVISIONS = 4  # of each edge; the image is read in the middle of the triangles between them
+
+
+def importance_at(source: PathLike, mesh: Mesh) -> FloatArray:
+    """(F,) numbers from 0 to 1 by an image over the mesh's coordinates, or its vertex colors."""
+    if str(source) != COLORS:
+        return _painted(source, mesh, "importance")
+    if mesh.colors is None:
+        raise OptionError(
+            f"importance: {mesh.name} has no vertex colors; paint some, or give an image"
+        )
+    return np.asarray(_gray(mesh.colors.astype(np.float64))[mesh.faces].mean(axis=1))
+
+
+def protected_at(source: PathLike, mesh: Mesh) -> Int64Array:
+    """(n,) faces of the mesh that lie where those of a mesh file do, or that an image paints."""
+    from texbake.mapping.marked_seams import faces_at
+    from texbake.mesh.files import MESH_SUFFIXES
+
+    if Path(source).suffix.lower() in MESH_SUFFIXES:
+        return faces_at(source, mesh)
+    return np.flatnonzero(_painted(source, mesh, "protect") > 0.5)
+
+
+def _painted(path: PathLike, mesh: Mesh, option: str) -> FloatArray:
+    """(F,) mean of an image over each face, in the mesh's present coordinates."""
+    from texbake.texture.image import read_image
+    from texbake.texture.lookup import lookup
+
+    if mesh.uvs is None:
+        raise UvError(
+            f"{mesh.name}: it has no texture coordinates, over which {option} reads an image; "
+            "unwrap it first, and paint on that"
+        )
+    gray = _gray(read_image(path, color=False).pixels.astype(np.float64))
+    image, corners = gray[..., None].astype(np.float32), mesh.corner_uvs()
+    points = _centers()
+    sums = np.zeros(mesh.n_faces)
+    for weights in points:
+        sums += lookup(image, (corners * weights[:, None]).sum(axis=1))[:, 0]
+    return np.clip(sums / len(points), 0.0, 1.0)
+
+
+def _gray(values: FloatArray) -> FloatArray:
+    """Mean of the color channels, times the alpha where there is one."""
+    n_colors = values.shape[-1] - (values.shape[-1] in (2, 4))
+    gray: FloatArray = values[..., :n_colors].mean(axis=-1)
+    return gray if n_colors == values.shape[-1] else gray * values[..., -1]
+
+
+def _centers() -> FloatArray:
+    """(n, 3) barycentric coordinates of the centers of the triangles that divide one evenly."""
+    i, j, side = np.indices((_DIVISIONS, _DIVISIONS, 2)).reshape(3, -1)
+    inside: BoolArray = i + j + side < _DIVISIONS
+    x, y = ((each + (1 + side) / 3.0)[inside] / _DIVISIONS for each in (i, j))
+    return np.stack([1.0 - x - y, x, y], axis=1)
