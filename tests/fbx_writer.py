@@ -106,11 +106,7 @@ CM = 0.01
 
 def shape(layers=(), points=POINTS, polygons=POLYGONS):
     """Children of a geometry."""
-    return [
-        ("Vertices", [points.ravel()], []),
-        ("PolygonVertexIndex", [polygons], []),
-        *layers,
-    ]
+    return [("Vertices", [points.ravel()], []), ("PolygonVertexIndex", [polygons], []), *layers]
 
 
 def _material_key(index):

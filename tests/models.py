@@ -233,7 +233,7 @@ def model(name):
 # Names of the high-poly and low-poly mesh, the normal map, the ray distance of Blender's bake of
 # it, and the number of texels where that bake hit a back face, so that the normal points inward.
 PAIRS = {
-    "figure": ("bumpy figure", "figure with coordinates", CASES / "figure_normal.png", 0.06, 0),
+    "figure": ("bumpy figure", "figure with coordinates", CASES / "figure_normal.png", 0.06, 0)
 }
 for _name, _distance, _n_behind in (
     ("koala", 0.2258574, 0), ("skull", 0.4077253, 377), ("spot", 0.0532155, 0),

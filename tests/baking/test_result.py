@@ -200,10 +200,7 @@ def test_one_value_everywhere_is_a_factor():
     )
     materials = Materials(materials=(gray,), face_materials=np.zeros(BALL.n_faces, np.int32))
     found = sentences(BALL, "base-color", "roughness", materials=materials)
-    assert found == {
-        "base-color": "every texel is 0.25, 0.5, 1",
-        "roughness": "every texel is 0.5",
-    }
+    assert found == {"base-color": "every texel is 0.25, 0.5, 1", "roughness": "every texel is 0.5"}
 
 
 @pytest.mark.parametrize("high", ["same", "orange"])

@@ -59,10 +59,7 @@ def assert_same_bake(folder, name, options, n_chunks, monkeypatch):
     for kind in options.maps:
         assert streamed.maps[kind].values.tobytes() == whole.maps[kind].values.tobytes(), kind
     assert streamed.report.counts == whole.report.counts
-    assert (streamed.report.front, streamed.report.back) == (
-        whole.report.front,
-        whole.report.back,
-    )
+    assert (streamed.report.front, streamed.report.back) == (whole.report.front, whole.report.back)
     assert streamed.report.distance_percentiles == whole.report.distance_percentiles
 
 

@@ -107,11 +107,7 @@ def test_only_changed_steps_run(write, run):
     assert run(path)[1] == ["ball.maps", "egg.maps"]
     path.write_text(path.read_text().replace("radius = 2.0", "radius = 3.0"))
     plan = {(s.asset, s.step): s.state for s in plan_build(path)}
-    assert [plan["egg", step] for step in ("high", "low", "maps")] == [
-        "runs",
-        "may run",
-        "may run",
-    ]
+    assert [plan["egg", step] for step in ("high", "low", "maps")] == ["runs", "may run", "may run"]
     assert run(path)[1] == ["egg.high", "egg.low", "egg.maps"]
     # What was built before is still there, and comes back without any work.
     path.write_text(path.read_text().replace("radius = 3.0", "radius = 2.0"))

@@ -74,12 +74,7 @@ def test_no_message_shows_the_folder_behind_a_stream(pipe):
     [
         ("info -", None, 1, "standard input: it is empty; pipe a mesh into it"),
         ("info - ", "ball.usdz", 1, "standard input: the format is not clear; name it with --from"),
-        (
-            "info ball.ply --from ply",
-            None,
-            2,
-            "--from: this is only for -; the suffix of a file",
-        ),
+        ("info ball.ply --from ply", None, 2, "--from: this is only for -; the suffix of a file"),
         ("compare - -", "ball.ply", 2, "two meshes cannot both come from standard input"),
         ("bake - ball.obj -o d", "ball.ply", 2, "HIGH: - is not possible here; name a file"),
         ("make sphere -o -", None, 2, "--output: - is not possible here"),

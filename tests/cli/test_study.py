@@ -33,8 +33,7 @@ def test_a_quick_bench_of_one_task(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("command", "names"),
-    [(study, KNOB_NAMES), (bench, (*TASK_NAMES, *CASE_NAMES, *PROGRAM_NAMES))],
+    ("command", "names"), [(study, KNOB_NAMES), (bench, (*TASK_NAMES, *CASE_NAMES, *PROGRAM_NAMES))]
 )
 def test_help_names_every_choice_and_one_mesh_is_not_a_pair(tmp_path, command, names):
     text = "".join(CliRunner().invoke(command, ["--help"]).output.split())

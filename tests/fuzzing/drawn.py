@@ -96,8 +96,7 @@ class Drawn:
         if uvs or (uvs is None and self.flag()):
             n = 1 + self.below(most)
             mesh = mesh.replace(
-                uvs=self.floats(n, 2, extreme=extreme),
-                uv_faces=self.indices(n, mesh.n_faces, 3),
+                uvs=self.floats(n, 2, extreme=extreme), uv_faces=self.indices(n, mesh.n_faces, 3)
             )
         elif uvs is False:
             mesh = mesh.replace(uvs=None, uv_faces=None)

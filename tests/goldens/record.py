@@ -251,9 +251,7 @@ def record(group):
     strict = ["-W", "error"] if group == "python_api" else []  # what a script is warned of, too
     with tempfile.TemporaryDirectory() as folder:
         done = subprocess.run(
-            [sys.executable, *strict, __file__, group, folder],
-            capture_output=True,
-            text=True,
+            [sys.executable, *strict, __file__, group, folder], capture_output=True, text=True
         )
         if done.returncode:
             raise RuntimeError(f"{group}: {done.stdout}{done.stderr}")

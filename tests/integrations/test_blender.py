@@ -471,12 +471,7 @@ def test_a_bake_comes_back_to_edit_mode(blender):
         ("no faces", "check", {}, "low: it has no faces"),
         ("scale of 0", "bake", NORMAL, "low: its scale is 0"),
         ("wheel missing", "bake", NORMAL, "the package texbake is missing"),
-        (
-            "wheel of another platform",
-            "bake",
-            NORMAL,
-            "does not work here: its core is for",
-        ),
+        ("wheel of another platform", "bake", NORMAL, "does not work here: its core is for"),
         ("no temporary folder", "bake", NORMAL, "could not start"),
         ("nothing wrong", "bake", {**NORMAL, "cage": "nowhere"}, "no mesh object of this name"),
         ("other mesh", "bake", {**NORMAL, "cage": "other"}, "other: "),

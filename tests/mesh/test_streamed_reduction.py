@@ -131,9 +131,6 @@ def test_colors_follow_and_hard_edges_stay(tmp_path):
 
 
 def test_texture_coordinates_and_errors_need_the_whole_mesh(tmp_path):
-    for mesh, options in (
-        (uv_sphere(60, 60), OPTIONS),
-        (bumpy(30), SimplifyOptions(error="5%")),
-    ):
+    for mesh, options in ((uv_sphere(60, 60), OPTIONS), (bumpy(30), SimplifyOptions(error="5%"))):
         _, report = simplified(mesh, tmp_path, options)
         assert [note for note in report.notes if "read whole, which exceeds `max_memory`" in note]

@@ -32,10 +32,7 @@ def test_a_mesh_with_maps_is_drawn_with_and_without_them(browser, pair, baked, t
     assert (np.abs(with_maps.astype(int) - bare) > 12).any(axis=2).mean() > 0.01
     assert browser.value(
         "[...document.querySelectorAll('.tabs span')].map(e => e.textContent)"
-    ) == [
-        "normal",
-        "displacement",
-    ]
+    ) == ["normal", "displacement"]
     assert browser.complaints() == []
 
 

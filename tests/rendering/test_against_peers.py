@@ -96,10 +96,7 @@ def made_cases():
 def grounds():
     """Textured ground to the horizon, where the mip level changes fast."""
     view = {"mesh": ground(4, 200.0), "camera": camera_at((0.0, 1.2, 0.5), (0.0, 0.0, -4.0))}
-    return {
-        "photos": Case(**view, base_map=astronaut()),
-        "checks": Case(**view, base_map=checks()),
-    }
+    return {"photos": Case(**view, base_map=astronaut()), "checks": Case(**view, base_map=checks())}
 
 
 def write_job(case, path, *, exact_levels):
@@ -162,8 +159,7 @@ def drawn_by_texbake(case):
     scene = Scene(
         objects=(SceneObject(mesh=case.mesh, material=material),),
         lighting=Lighting(
-            lights=(Light(direction=tuple(-TO_LIGHT), color=LIGHT),),
-            ambient=Ambient(color=AMBIENT),
+            lights=(Light(direction=tuple(-TO_LIGHT), color=LIGHT),), ambient=Ambient(color=AMBIENT)
         ),
     )
     options = RenderOptions(width=WIDTH, height=HEIGHT, supersampling=1, background=None)

@@ -188,11 +188,7 @@ def test_the_last_of_two_or_four_channels_is_an_opacity(n_channels, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "metadata",
-    [
-        {"texbake:displacement_mid": "half"},
-        {"texbake:displacement_scale": float("inf")},
-    ],
+    "metadata", [{"texbake:displacement_mid": "half"}, {"texbake:displacement_scale": float("inf")}]
 )
 def test_heights_with_a_wrong_coding_are_errors(metadata):
     image = Image(np.zeros((1, 1, 1), np.float32), metadata, name="h.exr")

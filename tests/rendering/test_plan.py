@@ -123,8 +123,7 @@ FILTERED = pair(
 SURROUNDED = Case(
     wanted=scene(lambert(), lighting=Lighting(environment=ROOM)),
     unwanted=scene(
-        lambert(),
-        lighting=Lighting(environment=replace(ROOM, background=False, lighting=False)),
+        lambert(), lighting=Lighting(environment=replace(ROOM, background=False, lighting=False))
     ),
 )
 THROUGH = pair(Material(transmission=Transmission()), lambert(transmission=Transmission()))

@@ -144,10 +144,7 @@ def test_opacity_from_an_image(mode):
         opacity = (opacity >= 0.4).astype(float)
     elif mode == "opaque":
         opacity = np.ones_like(opacity)
-    layers = [
-        (depth, (0.9, 0.3, 0.1), opacity),
-        (met(objects[1], 80, 60)[0], (0.1, 0.3, 0.9), 1.0),
-    ]
+    layers = [(depth, (0.9, 0.3, 0.1), opacity), (met(objects[1], 80, 60)[0], (0.1, 0.3, 0.9), 1.0)]
     wrong = np.abs(frame.color[..., :3] - composed(layers, 80, 60)).max(axis=-1) > 2e-6
     assert wrong.mean() < 0.002
     assert frame.plan.has("transparency") == (mode != "opaque")

@@ -284,10 +284,7 @@ def test_a_time_that_was_exceeded_is_warned_of():
 def test_the_table_says_what_was_reached_and_how():
     rounds = (Round("4deg", 0.3, 0.25), Round("0.5deg", 0.5, 0.7, is_complete=False))
     assert budget(1.5, rounds).table() == [
-        (
-            "time budget",
-            "2 s: the closest bound that fits; `max_error=1deg` gives the same bytes",
-        ),
+        ("time budget", "2 s: the closest bound that fits; `max_error=1deg` gives the same bytes"),
         (
             "time taken",
             "1.50 s, 0.50 s of it before the first samples; 4deg in 0.25 s, 0.5deg in 0.70 s "
