@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileError, FileFormatError
 from texbake.texture.cube_files import (
     convert_cube,
     cross_picture,
@@ -9,10 +9,9 @@ from texbake.texture.cube_files import (
     in_convention,
     read_faces,
 )
-from texbake.texture.cube_lookup import from_latitude_longitude
 from texbake.texture.cube_map import CubeMap, cube_face_axes, texel_directions
-from texbake.texture.image import read_image, write_image
-from texbake.texture.options import CONVENTIONS, CubeOptions
+from texbake.texture.image import write_image
+from texbake.texture.options import CONVENTIONS
 
 
 @pytest.fixture
@@ -26,14 +25,6 @@ def panorama(tmp_path):
     pixels = np.random.default_rng(1).random((32, 64, 3)).astype(np.float32) * 4
     write_image(pixels, tmp_path / "sky.exr", color=True, bits=32)
     return tmp_path / "sky.exr"
-
-
-@pytest.mark.parametrize("convention", CONVENTIONS)
-def test_unfolding_and_folding_is_the_identity(noise, convention):
-    picture = cross_picture(noise, convention=convention)
-    assert picture.shape == (18, 24, 3)
-    assert (picture[:6, :6] == 0).all()
-    np.testing.assert_array_equal(cube_of_cross(picture, convention=convention).faces, noise.faces)
 
 
 @pytest.mark.parametrize("convention", CONVENTIONS)
@@ -65,43 +56,6 @@ def test_seen_from_inside_faces_are_the_pictures_of_cameras(noise):
     np.testing.assert_allclose(along[4, 4], -cube_face_axes(5)[2], atol=1e-6)
     assert along[4, 8, 0] > 0.5
     assert along[0, 4, 1] > 0.5
-
-
-@pytest.mark.parametrize("convention", CONVENTIONS)
-def test_faces_to_files_and_back_bit_for_bit(tmp_path, panorama, convention):
-    options = CubeOptions(convention=convention, format="tif")
-    done = convert_cube(panorama, tmp_path / "faces", options)
-    assert [file.name for file in done.files] == [
-        f"{sign}{axis}.tif" for axis in "xyz" for sign in "pn"
-    ]
-    assert (done.source_layout, done.layout, done.size, done.clipped) == (
-        "latlong",
-        "faces",
-        16,
-        0.0,
-    )
-    cube, _ = read_faces(tmp_path / "faces", convention=convention)
-    expected = from_latitude_longitude(read_image(panorama, color=True).pixels)
-    np.testing.assert_array_equal(cube.faces, expected.faces)
-    # And through a cross.
-    convert_cube(
-        tmp_path / "faces", tmp_path / "c.tif", CubeOptions(layout="cross", convention=convention)
-    )
-    convert_cube(tmp_path / "c.tif", tmp_path / "again", options)
-    again, _ = read_faces(tmp_path / "again", convention=convention)
-    np.testing.assert_array_equal(again.faces, expected.faces)
-
-
-def test_layouts_that_do_not_fit(tmp_path, panorama):
-    for output, layout, message in (
-        ("a.png", "faces", "faces go to a folder"),
-        ("a", "cross", "cross is one image"),
-        ("a", "latlong", "latlong is one image"),
-        ("a.exr", "latlong", "is a latlong already"),
-    ):
-        with pytest.raises(OptionError, match=message):
-            convert_cube(panorama, tmp_path / output, CubeOptions(layout=layout))
-    assert [path.name for path in tmp_path.iterdir()] == ["sky.exr"]
 
 
 def test_sources_of_the_wrong_shape(tmp_path):

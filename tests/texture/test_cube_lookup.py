@@ -200,15 +200,6 @@ def test_a_panorama_has_its_directions():
     assert found.ravel().round().tolist() == [1, 2, 3, 4, 5, 6]
 
 
-@pytest.mark.parametrize("size", [3, 32, 100])
-@pytest.mark.parametrize("shape", [(64, 128), (33, 65), (1, 1), (2, 1), (40, 30)])
-def test_a_constant_panorama_stays_exactly_that(shape, size):
-    value = np.array([0.1, 1234.567], np.float32)
-    cube = from_latitude_longitude(np.broadcast_to(value, (*shape, 2)), size=size)
-    assert (cube.faces == value).all()
-    assert (to_latitude_longitude(cube, height=17) == value).all()
-
-
 def test_a_smooth_panorama_survives_the_way_to_a_cube_and_back():
     image = smooth(image_directions(128, 256)).astype(np.float32)
     back = to_latitude_longitude(from_latitude_longitude(image))

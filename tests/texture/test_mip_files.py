@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
 from texbake.texture.image import read_image, write_image
 from texbake.texture.mip_files import roughness_of_lengths, write_mip_levels
 from texbake.texture.mipmaps import mip_chain
@@ -97,12 +96,3 @@ def test_roughness_of_lengths():
     narrow = roughness_of_lengths(np.array([1 - alpha**2 / 2]))
     np.testing.assert_allclose(narrow, np.sqrt(alpha), rtol=1e-3)
     assert roughness_of_lengths(np.array([1.0001, -0.5])).tolist() == [0.0, 1.0]
-
-
-def test_pixels_that_are_not_normals(tmp_path, rock):
-    with pytest.raises(OptionError, match="roughness: only normals have one"):
-        write_mip_levels(rock, tmp_path / "a", roughness=tmp_path / "b")
-    write_image(np.zeros((2, 2), np.uint8), tmp_path / "gray.png")
-    with pytest.raises(OptionError, match="no three channels"):
-        write_mip_levels(tmp_path / "gray.png", tmp_path / "a", MipOptions(kind="normal"))
-    assert not (tmp_path / "a").exists()

@@ -87,13 +87,6 @@ def test_kaiser_follows_the_wrap_mode_across_the_border():
     assert first["mirror"] != first["clamp"] == first["border"]
 
 
-@pytest.mark.parametrize("name", MIP_FILTERS)
-@pytest.mark.parametrize("size", SIZES)
-def test_a_constant_stays_exactly_constant(size, name):
-    image = np.full((*size, 2), (0.1, 7e8), np.float32)
-    assert (mip_chain(image, filter=name).texels == image[0, 0]).all()
-
-
 def tilted(degrees):
     """(4, 4, 3) unit normals, columns tilted to either side by turns."""
     angles = np.radians(np.where(np.arange(4) % 2, degrees, -degrees))

@@ -8,13 +8,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from texbake.texture.procedures import evaluate
-from texbake.texture.procedures.noise import (
-    WEIGHTS,
-    _SplitMix64,
-    fractal_sum,
-    gradients,
-    lattice,
-)
+from texbake.texture.procedures.noise import WEIGHTS, _SplitMix64, fractal_sum, gradients, lattice
 
 BOTH = pytest.mark.parametrize("weight", ["cubic", "quintic"])
 
@@ -56,10 +50,7 @@ def by_definition(point, weight, seed):
 
 @BOTH
 @settings(max_examples=60)
-@given(
-    point=st.tuples(*[st.floats(-(2.0**50), 2.0**50)] * 3),
-    seed=st.integers(-5, 2**70),
-)
+@given(point=st.tuples(*[st.floats(-(2.0**50), 2.0**50)] * 3), seed=st.integers(-5, 2**70))
 def test_it_is_the_formula(weight, point, seed):
     # Terms of a weight are up to 15 and cancel: 4e-15 of rounding in each of three factors of
     # slopes up to 2.5, in the sum here and in the definition.
@@ -127,9 +118,7 @@ def test_values_of_octaves_are_the_sums_scaled_to_0_and_1(points, weight):
         np.testing.assert_allclose(found[:, 0], np.clip(expected, 0, 1), atol=1e-7)
 
 
-def test_octaves_keep_a_quarter_cell_per_pixel_and_fade_to_the_mean_at_one(
-    points,
-):
+def test_octaves_keep_a_quarter_cell_per_pixel_and_fade_to_the_mean_at_one(points):
     np.testing.assert_array_equal(
         signed_noise(points, np.full(len(points), 0.25)), signed_noise(points)
     )
@@ -157,11 +146,6 @@ def test_means_of_octaves_do_not_change_with_the_pixel(points, name, weight, n_c
         ).mean()
         # One seed differs from the mean of all by up to 5 percent of a mean of 0.3, in the plane.
         assert filtered == pytest.approx(plain, abs=0.015)
-
-
-def test_signed_sums_check_their_parameters():
-    with pytest.raises(ValueError, match=r"fractal\.octave: it is not a parameter"):
-        fractal_sum([[0.0, 0.0, 0.0]], octave=3)
 
 
 def brute_force(points, jitter, seed, reach=4):

@@ -50,20 +50,6 @@ def test_it_counts_every_texel_that_two_charts_reach(chart_ids, padding):
     assert nearest_owner(chart_ids, padding, threads=1).n_meeting == n_meeting
 
 
-def test_push_pull_keeps_what_is_inside_and_never_spreads_what_is_not_finite():
-    rng = np.random.default_rng(0)
-    values = rng.random((50, 60, 2)).astype(np.float32)
-    mask = rng.random((50, 60)) < 0.3
-    np.testing.assert_array_equal(push_pull(values, mask)[mask], values[mask])
-    values, mask = np.zeros((9, 9, 2), np.float32), np.zeros((9, 9), bool)
-    values[4, 4], values[0, 0] = [1.0, np.nan], 0.5
-    mask[4, 4] = mask[0, 0] = True
-    filled = push_pull(values, mask)
-    assert np.isnan(filled).sum() == 1 and np.isnan(filled[4, 4, 1])
-    mask[4, 4] = False
-    assert (filled[~mask] == 0.5).sum() > 0
-
-
 @given(chart_ids=charts(), value=st.floats(-(2.0**100), 2.0**100, width=32))
 @settings(max_examples=100)
 def test_push_pull_of_a_constant_is_exactly_that_constant(chart_ids, value):
@@ -72,17 +58,6 @@ def test_push_pull_of_a_constant_is_exactly_that_constant(chart_ids, value):
     filled = push_pull(values, mask, threads=1)
     if mask.any():
         assert (filled == np.float32(value)).all()
-
-
-@pytest.mark.parametrize("size", [(1, 1), (1, 9), (13, 1), (64, 64), (37, 101)])
-def test_push_pull_fills_everything_within_the_range_of_its_input(size):
-    rng = np.random.default_rng(2)
-    values = np.full((*size, 1), -1.0, np.float32)
-    mask = rng.random(size) < 0.05
-    mask[0, 0] = True
-    values[mask] = rng.uniform(0.25, 0.75, (int(mask.sum()), 1))
-    filled = push_pull(values, mask)
-    assert filled.min() >= 0.25 and filled.max() <= 0.75
 
 
 def test_a_padding_that_cannot_be_is_an_error():

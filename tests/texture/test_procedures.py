@@ -1,8 +1,5 @@
 """Tests shared by all procedures."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -66,15 +63,6 @@ def test_extreme_parameters_have_values(name, key):
         parameters = steep if key == "octaves" else {key: value}
         for widths in (None, np.full(len(points), 1e-3)):
             assert np.isfinite(evaluate(name, points, widths, parameters=parameters)).all()
-
-
-@EACH
-def test_threads_change_nothing(name):
-    points = np.random.default_rng(0).uniform(-30, 30, (70_000, 3))
-    widths = np.random.default_rng(1).uniform(0, 0.5, 70_000)
-    np.testing.assert_array_equal(
-        evaluate(name, points, widths, threads=1), evaluate(name, points, widths, threads=3)
-    )
 
 
 @pytest.mark.parametrize("name", [n for n in PROCEDURE_NAMES if "seed" in PROCEDURE_DEFAULTS[n]])
@@ -142,11 +130,3 @@ def test_numbers_of_numpy_are_numbers():
     full = checked_parameters("fractal", given)
     assert (full["seed"], full["octaves"], full["gain"]) == (3, 2, 0.5)
     assert all(type(full[key]) in (int, float) for key in given)
-
-
-def test_names_and_parameters_cost_no_numpy():
-    code = (
-        "import sys; from texbake.texture.procedures.options import PROCEDURE_DEFAULTS; "
-        "assert 'numpy' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-P", "-c", code], check=True)

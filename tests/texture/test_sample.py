@@ -62,18 +62,6 @@ def test_on_a_checkered_plane_to_the_horizon_each_filter_is_better_than_the_last
     assert ewa < 0.5 * trilinear
 
 
-@pytest.mark.parametrize("wrap", WRAPS)
-@pytest.mark.parametrize("name", FILTERS)
-def test_a_constant_stays_exactly_constant(name, wrap):
-    chain = mip_chain(np.full((21, 13, 2), np.float32(0.1)))
-    uvs = random_points(600)
-    footprints = (
-        np.random.default_rng(0).normal(size=(600, 4)) * np.geomspace(1e-3, 1, 600)[:, None]
-    )
-    values = sample(chain, uvs, footprints, filter=name, wrap=wrap, border=np.float32(0.1))
-    assert (values == np.float32(0.1)).all()
-
-
 @pytest.mark.parametrize("name", FILTERS)
 @pytest.mark.parametrize("size", [(1, 1), (1, 5), (64, 2)])
 @pytest.mark.parametrize("levels", ["all", "one"])

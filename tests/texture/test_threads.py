@@ -11,6 +11,8 @@ from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
 from texbake.texture.mipmaps import MIP_FILTERS, mip_chain
 from texbake.texture.padding import nearest_owner, push_pull
 from texbake.texture.prefilter import irradiance, specular_levels
+from texbake.texture.procedures import evaluate
+from texbake.texture.procedures.options import PROCEDURE_NAMES
 from texbake.texture.sample import FILTERS, mip_levels, sample
 from texbake.texture.value_range import (
     channel_ranges,
@@ -65,6 +67,10 @@ COMPUTED = {
             mip_chain(np.tile(IMAGE[..., :1], (4, 3, 1)), filter=name, threads=n).texels
         )
         for name in MIP_FILTERS
+    },
+    **{
+        name: lambda n, name=name: evaluate(name, 30 * POINTS[:70_000], STEPS[:, :3], threads=n)
+        for name in PROCEDURE_NAMES
     },
     **{
         name: lambda n, name=name: sample(CHAIN, POINTS[:70_000, :2], STEPS, filter=name, threads=n)
