@@ -3,14 +3,9 @@
 import json
 
 import numpy as np
-import pytest
 from table import PAGE, document
 
 import texbake
-from texbake.errors import MeshError
-from texbake.study.knob import Case as StudyCase, knob_named
-from texbake.study.options import StudyOptions
-from texbake.study.study import run_study
 
 # What the checks must report, at least, for the case of this name.
 SAID = {
@@ -72,40 +67,6 @@ def test_every_mesh_is_checked_against_itself(mesh_case, in_cells):
     names = {finding.name for finding in report.findings}
     assert not names & {"differing-scale", "differing-place", "differing-axes", "opposite-sides"}
     assert not names & {"far-from-high", "far-from-low", "other-parts"}
-
-
-def test_every_flat_mesh_is_studied(flat_case, in_cells):
-    mesh = in_cells(flat_case)
-    bench = knob_named("texture-size").prepare(StudyCase(mesh, mesh, quick=True, threads=1))
-    found = [bench.judge(s.value, bench.work(s.value)).error for s in bench.settings[:2]]
-    bench.close()
-    assert np.isfinite(found).all() and min(found) >= 0.0
-
-
-@pytest.mark.parametrize("name", ["points on one line", "all in one point", "one index thrice"])
-def test_a_mesh_without_area_is_not_studied(name, case_named, in_cells, attempt):
-    case = case_named(name)
-    mesh = in_cells(case)
-    study = StudyCase(mesh, mesh, quick=True, threads=1)
-    assert attempt(case, "study", lambda: knob_named("texture-size").prepare(study)) is None
-
-
-def test_every_scene_is_studied(scene_case):
-    bench = knob_named("texture-lookup").prepare(
-        StudyCase(scene=scene_case.make(), quick=True, threads=1)
-    )
-    for setting in bench.settings[:2]:
-        error = bench.judge(setting.value, bench.work(setting.value)).error
-        assert np.isfinite(error) and error >= 0.0
-    bench.close()
-
-
-def test_a_mesh_that_does_not_show_is_one_clear_error(case_named, in_cells):
-    """A strip of 1 by 1e6 falls between the pixels, so that no picture of it has an error."""
-    mesh = in_cells(case_named("strip of 1 by 1e6"))
-    options = StudyOptions(knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1)
-    with pytest.raises(MeshError, match=r"nothing of .* shows"):
-        run_study(mesh, mesh, options=options)
 
 
 def test_the_page_lists_every_case():

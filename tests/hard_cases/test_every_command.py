@@ -207,7 +207,9 @@ def test_a_lightened_model_has_the_same_images_at_another_size(small_pictures, t
         lighten_file(
             model,
             lighter,
-            LightenOptions(n_faces=100, size=32, padding=1, quality="fast", samples=1, threads=1),
+            LightenOptions(
+                n_faces=100, size=32, padding=1, quality="fast", samples=1, views=0, threads=1
+            ),
         )
         mesh_read = texbake.read_mesh(lighter)
         materials = texbake.read_materials(lighter, mesh_read)

@@ -129,9 +129,7 @@ def test_simplified_meshes_are_meshes(mesh_case, quality, attempt):
     mesh = mesh_case.make()
     n_faces = max(4, mesh.n_faces // 2)
     result = attempt(
-        mesh_case,
-        "simplify",
-        lambda: simplify_with_report(mesh, n_faces, quality=quality),
+        mesh_case, "simplify", lambda: simplify_with_report(mesh, n_faces, quality=quality)
     )
     if result is None:
         return
@@ -285,21 +283,6 @@ def test_a_mesh_compares_as_itself(flat_case):
         assert closeness.mean_deg == 0.0 or np.isnan(closeness.mean_deg)
         assert closeness.outline_mismatch == closeness.depth_mismatch == 0.0
         assert closeness.psnr_db == np.inf
-
-
-def test_threads_change_no_byte(plain_case, in_cells):
-    mesh = in_cells(plain_case)
-    one, more = (
-        texbake.bake(mesh, mesh, texbake.BakeOptions(size=32, maps=MAPS, threads=threads)).maps
-        for threads in (1, 3)
-    )
-    for name in MAPS:
-        np.testing.assert_array_equal(one[name].values, more[name].values)
-    options = texbake.RenderOptions(width=40, height=30)
-    np.testing.assert_array_equal(
-        texbake.render(mesh, options=options, threads=1).color,
-        texbake.render(mesh, options=options, threads=3).color,
-    )
 
 
 def test_a_displaced_bake_gives_back_its_offset(flat_case, in_cells):
