@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from texbake.child import Child
-from texbake.mesh.files import reader_process
+from texbake.mesh.files import read_mesh, reader_process
 from texbake.messages import pack, unpack
 
 
@@ -26,3 +26,15 @@ def readers_here(request, monkeypatch):
     limits = SimpleNamespace(start=lambda: None, allow=lambda n_bytes: None)
     monkeypatch.setattr(reader_process, "LIMITS", limits)
     monkeypatch.setattr(reader_process, "Child", Here)
+
+
+@pytest.fixture
+def read(request, tmp_path):
+    """Read text or bytes as a file of the format that the module of the test is named after."""
+
+    def read(content):
+        path = tmp_path / f"mesh.{request.path.stem.removeprefix('test_')}"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_mesh(path)
+
+    return read

@@ -1,5 +1,4 @@
 import json
-import math
 from collections import Counter
 
 import numpy as np
@@ -12,18 +11,6 @@ from texbake.mesh.shapes import cube, plane
 
 CUBE = (cube().positions + 0.5) * [2.0, 3.0, 4.0]
 CUBE_FACES = cube().faces
-
-
-def test_box():
-    info = mesh_info(Mesh(positions=CUBE, faces=CUBE_FACES, name="box.obj"))
-    assert (info.name, info.n_vertices, info.n_faces) == ("box.obj", 8, 12)
-    assert info.bounds == ((0.0, 0.0, 0.0), (2.0, 3.0, 4.0))
-    assert info.diagonal == math.sqrt(29)
-    assert info.area == 52.0
-    assert (info.closed, info.genus, info.n_components) == (True, 0, 1)
-    assert (info.n_boundary_edges, info.n_non_manifold_edges, info.n_misoriented_edges) == (0, 0, 0)
-    assert (info.n_degenerate_faces, info.n_duplicate_faces) == (0, 0)
-    assert (info.uvs, info.n_normals, info.groups) == (None, None, ())
 
 
 def test_split_vertices_count_as_one_and_unused_ones_do_not_widen_the_bounds():

@@ -110,13 +110,6 @@ def test_of_a_thousand_missing_images_a_few_are_told(tmp_path):
     assert warned == [f"{path}: {line}" for line in notes]
 
 
-def test_an_image_that_is_missing_leaves_the_factor_and_a_note(tmp_path):
-    path = obj_with(tmp_path, "a.mtl", "newmtl wood\nKd 0.5 0.5 0.5\nmap_Kd none.png\n")
-    found = read_materials(path, read_mesh(path))
-    assert found.sources("base-color")[2] == ChannelSource((0.5, 0.5, 0.5))
-    assert "none.png" in found.notes()[0]
-
-
 @pytest.mark.parametrize("statement", ["map_Bump -bm 0.5", "bump", "map_Ks", "disp", "refl"])
 def test_images_of_obj_materials_that_are_left_out_are_named(tmp_path, statement):
     path = obj_with(tmp_path, "a.mtl", f"newmtl wood\nKd 1 0 0\n{statement} grain.png\n")

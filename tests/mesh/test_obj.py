@@ -5,17 +5,6 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere
 
-
-@pytest.fixture
-def read(tmp_path):
-    def read_text(text):
-        path = tmp_path / "text.obj"
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_mesh(path)
-
-    return read_text
-
-
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 
 

@@ -1,19 +1,6 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.files import read_mesh
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read_text(text):
-        path = tmp_path / "mesh.off"
-        path.write_bytes(text.encode())
-        return read_mesh(path)
-
-    return read_text
-
-
 VERTICES = "0 0 0\n1 0 0\n1 1 0.5\n0 1 0\n"
 FACES = "3 0 1 2\n4 0 1 2 3\n"
 

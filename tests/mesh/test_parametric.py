@@ -63,22 +63,12 @@ def test_a_missing_source_is_named(shape):
 @pytest.mark.parametrize(
     ("shape", "options", "message"),
     [
-        ("cube", {}, "shape: cube is not one of plane, cylinder,"),
-        ("sphere", {"resolution": 0}, "resolution: 0 is out of range"),
-        ("sphere", {"resolution": (8, -1)}, "resolution: -1 is out of range"),
-        ("sphere", {"resolution": 8.5}, "neither a whole number nor"),
         ("sphere", {"resolution": 10**9}, "makes 2,000,000,000,000,000,000 triangles; 20,000,000"),
         ("sphere", {"resolution": (8, 1)}, "resolution: 8x1 is too small"),
         ("torus", {"resolution": 2}, "resolution: 2x2 is too small"),
         ("cylinder", {"sides": 10**9}, "triangles"),
         ("height-field", {**SOURCES["height-field"], "resolution": 10**5}, "20,000,000,000 tri"),
-        ("sphere", {"radius": 0}, "radius: 0 is out of range"),
-        ("sphere", {"radius": float("nan")}, "radius: nan is not a finite number"),
         ("torus", {"minor_radius": 1.0}, "minor_radius: 1.0 is not below the radius"),
-        ("cylinder", {"sides": 2}, "sides: 2 is out of range; it must be 3 or more"),
-        ("mobius", {"twists": 0.5}, "twists: 0.5 is not a whole number"),
-        ("revolution", {"turns": 1.5}, "turns: 1.5 is out of range"),
-        ("revolution", {"crease": 91}, "crease: 91 is out of range"),
     ],
 )
 def test_values_out_of_range(shape, options, message):

@@ -86,22 +86,6 @@ def test_closed_shapes_are_closed_by_their_indices(shape, resolution):
     assert len(np.unique(mesh.positions, axis=0)) == mesh.n_vertices
 
 
-@pytest.mark.parametrize(
-    ("shape", "options"),
-    [
-        ("sphere", {}),
-        ("torus", {}),
-        *((shape, {"caps": caps}) for shape in ("cylinder", "cone") for caps in (False, True)),
-        *((shape, {"caps": True, "sides": 5}) for shape in ("cylinder", "cone")),
-    ],
-)
-def test_faces_look_where_their_normals_do_and_are_not_mirrored(shape, options):
-    mesh = make(shape, resolution=(32, 12), **options)
-    towards = np.einsum("fi,fci->fc", face_normals(mesh), corner_normals(mesh))
-    assert towards.min() > 0.9
-    assert areas_in_texture(mesh).min() > 0
-
-
 @pytest.mark.parametrize("sides", [3, 4, 7])
 @pytest.mark.parametrize("resolution", [None, 5, (20, 3)])
 def test_prisms_and_pyramids_have_their_volumes_and_flat_sides(sides, resolution):

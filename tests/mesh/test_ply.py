@@ -3,22 +3,12 @@ import struct
 import numpy as np
 import pytest
 
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import Mesh
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)]
 CODES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"}
 CODES |= {"float": "f", "double": "d"}
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read_bytes(content):
-        path = tmp_path / "mesh.ply"
-        path.write_bytes(content)
-        return read_mesh(path)
-
-    return read_bytes
 
 
 def ply(order, elements, end=b"\n"):

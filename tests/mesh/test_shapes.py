@@ -34,13 +34,6 @@ def test_icosphere_is_closed_and_of_genus_zero(level):
     assert np.abs(np.linalg.norm(mesh.positions, axis=1) - 1.0).max() < 1e-15 * 4
 
 
-def test_icosahedron_has_its_known_volume():
-    edge = 4.0 / np.sqrt(10.0 + 2.0 * np.sqrt(5.0))  # of an icosahedron of radius 1
-    assert signed_volume(icosphere(0)) == pytest.approx(
-        5.0 * (3.0 + np.sqrt(5.0)) / 12.0 * edge**3, rel=1e-14
-    )
-
-
 def test_icosphere_triangles_are_nearly_equal():
     corners = icosphere(5).positions[icosphere(5).faces]
     areas = np.linalg.norm(

@@ -3,19 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from texbake.mesh.files import read_mesh
-
 CORNERS = np.float32([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]])
-
-
-@pytest.fixture
-def read(tmp_path):
-    def read_bytes(content):
-        path = tmp_path / "mesh.stl"
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return read_mesh(path)
-
-    return read_bytes
 
 
 def binary(corners, header=b""):

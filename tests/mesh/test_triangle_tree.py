@@ -30,20 +30,6 @@ def brute_force(p, corners):
     return min(distances)
 
 
-def test_distance_to_a_cube_has_a_closed_form():
-    tree = TriangleTree.build(cube().positions, cube().faces)
-    points = np.random.default_rng(0).normal(size=(5000, 3))
-    distances, face_ids, barycentrics = tree.closest_points(points)
-    outside = np.linalg.norm(np.maximum(np.abs(points) - 0.5, 0.0), axis=1)
-    inside = 0.5 - np.abs(points).max(axis=1)
-    expected = np.where(inside > 0.0, inside, outside)
-    assert np.abs(distances - expected).max() < ROUNDING
-    closest = np.einsum("nc,ncx->nx", barycentrics, cube().positions[cube().faces[face_ids]])
-    assert np.abs(np.linalg.norm(points - closest, axis=1) - distances).max() < ROUNDING
-    assert barycentrics.min() >= 0.0
-    assert np.abs(barycentrics.sum(axis=1) - 1.0).max() < ROUNDING
-
-
 @pytest.mark.parametrize("n_faces", [1, 5, 64])
 @pytest.mark.parametrize("has_directions", [False, True])
 def test_any_triangles_agree_with_brute_force(n_faces, has_directions):

@@ -3,11 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.raycast.rays import (
-    concentric_disk,
-    direction_sets,
-    scrambled_nets,
-)
+from texbake.raycast.rays import concentric_disk, direction_sets, scrambled_nets
 
 COUNTS = [1, 2, 8, 64, 4096]
 

@@ -1,15 +1,8 @@
 """Secondary rays: each hits what a test against every triangle finds, on any build of the core."""
 
-import hashlib
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from texbake.core.builds import find_builds
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import Mesh
@@ -199,28 +192,3 @@ def test_a_compact_tree_holds_the_same_triangles_in_smaller_boxes():
         return (size * np.roll(size, 1, axis=1)).sum()
 
     assert surface(compact) < 0.8 * surface(plain)
-
-
-def checksum():
-    """Checksum of what rays in all meshes hit, and of the hemispheres of a bake."""
-    digest = hashlib.sha256()
-    for name in MESHES:
-        mesh = MESHES[name]()
-        frame, domes, sets = single_rays(mesh, 1024)
-        scene = RayScene.build(mesh, frame, compact=True)
-        digest.update(scene.cast_hemispheres(domes, sets, OcclusionRange(1e-7, 0.5, 2.0)).tobytes())
-    return digest.hexdigest()
-
-
-@pytest.mark.parametrize("build", sorted(find_builds()))
-def test_every_build_of_the_core_gives_the_same_bytes(build):
-    code = "from test_single_rays import checksum; print(checksum())"
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code],
-        env={**os.environ, "TEXBAKE_CORE": build, "PYTHONPATH": str(Path(__file__).parent)},
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    assert done.stdout.strip() == checksum()
