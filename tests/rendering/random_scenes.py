@@ -46,12 +46,7 @@ from texbake.rendering.scene.material import (
 )
 from texbake.rendering.scene.projected import ProjectedTexture, projector_matrix
 from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import (
-    FILTERS,
-    ImageTexture,
-    ProcedureTexture,
-    VolumeTexture,
-)
+from texbake.rendering.scene.textures import FILTERS, ImageTexture, ProcedureTexture, VolumeTexture
 from texbake.texture.image import write_image
 
 Rng = np.random.Generator

@@ -134,12 +134,6 @@ def test_a_picture_replaces_the_base_color_inside_its_square():
     np.testing.assert_array_equal(found[on_floor & far], expected[on_floor & far])
 
 
-def test_a_matrix_may_have_three_rows():
-    picture = ProjectedTexture(texture=texture_of(QUARTERS), matrix=SLANTED[[0, 1, 3]])
-    np.testing.assert_array_equal(picture.matrix[[0, 1, 3]], SLANTED[[0, 1, 3]])
-    np.testing.assert_array_equal(picture.matrix[2], SLANTED[3])
-
-
 @pytest.mark.parametrize("matrix", [np.eye(3), np.full((3, 4), np.nan), np.eye(4)[None]])
 def test_other_matrices_are_refused(matrix):
     with pytest.raises(OptionError, match="it is not 4 x 4 or 3 x 4 finite numbers"):
