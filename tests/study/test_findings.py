@@ -1,13 +1,11 @@
 """Fronts, knees and savings at equal error, of measurements made by hand."""
 
 import math
-import random
 
-import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.study.findings import findings, seconds_for, speedups
+from texbake.study.findings import findings, speedups
 from texbake.study.knob import Evaluation, Knob, Setting
 from texbake.study.result import KnobResult, Measurement, convergence_order, knee, pareto_front
 
@@ -45,29 +43,9 @@ def test_the_page_says_so_in_a_sentence():
     assert speedups(result(baseline="")) == []
 
 
-def test_slower_and_worse_points_change_nothing():
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        front = [(2.0**k, 3.0**-k) for k in range(5)]
-        beaten = [(s * rng.uniform(1, 9), e * rng.uniform(1, 9)) for s, e in front]
-        error = 3.0 ** -rng.uniform(0.1, 3.9)
-        expected = error ** (-np.log(2.0) / np.log(3.0))
-        assert seconds_for(front + beaten, error) == pytest.approx(expected)
-    assert seconds_for([(1.0, 0.0)], 0.0) == 1.0
-    assert seconds_for([(1.0, 2.0)], 1.0) is None
-
-
 times_and_errors = st.lists(
     st.tuples(st.floats(0.001, 1000.0), st.floats(0.0, 1000.0)), max_size=30
 )
-
-
-def test_the_front_of_a_hyperbola_is_all_of_it_and_nothing_above_it():
-    on = [(t, 1.0 / t) for t in (1.0, 2.0, 3.0, 5.0, 8.0)]
-    above = [(1.01 * t, 1.01 * e) for t, e in on]
-    points = on + above
-    random.Random(1).shuffle(points)
-    assert [points[i] for i in pareto_front(points)] == on
 
 
 @given(times_and_errors)

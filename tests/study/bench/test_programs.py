@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from texbake_cli.main import texbake as command_line
 
-from texbake.errors import OptionError
 from texbake.study.bench.programs import PROGRAMS, RUNNERS
 from texbake.study.bench.tasks import TASKS
 from texbake.study.options import (
@@ -89,11 +88,5 @@ def test_options_are_in_order_and_checked():
     assert options.ordered_cases == ("sphere", "terrain")
     assert options.map_sizes == (32, 64) and options.one_size == 64
     assert BenchOptions().one_size == 1024 and BenchOptions(sizes=(4096,)).one_size == 4096
-    for wrong in (
-        {"tasks": ()}, {"tasks": ("paint",)}, {"cases": ("cube",)}, {"programs": ("maya",)},
-        {"sizes": (0,)}, {"triangles": 10}, {"timeout": 0.0}, {"repeats": 0},
-    ):  # fmt: skip
-        with pytest.raises(OptionError):
-            BenchOptions(**wrong)
     assert BenchOptions(cases=()).ordered_cases == ()
     assert BenchOptions().ordered_cases == CASE_NAMES
