@@ -104,7 +104,7 @@ class Browser:
             assert time.monotonic() < end, f"{condition} did not become true"
             time.sleep(0.02)
 
-    def open(self, path, *, width=1280, height=900, dark=False):
+    def open(self, path, *, width=900, height=700, dark=False):
         """Open a file in a window of a size, and forget what was logged before."""
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height,
