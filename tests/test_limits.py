@@ -14,13 +14,7 @@ from texbake_cli.main import texbake as command
 
 import texbake
 from tests.glb import read_glb
-from texbake.errors import (
-    FileError,
-    FileFormatError,
-    OptionError,
-    ReadWarning,
-    quoted,
-)
+from texbake.errors import FileError, FileFormatError, OptionError, ReadWarning
 from texbake.limits import (
     ALLOW_OUTSIDE,
     MAX_IMAGE,
@@ -189,26 +183,6 @@ def test_an_image_that_is_a_pipe_does_not_wait(tmp_path):
     for read in (read_header, lambda path: texbake.read_image(path, color=True)):
         with pytest.raises(FileError, match="not a regular file"):
             read(tmp_path / "pipe.png")
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [(MAX_IMAGE, "many"), (MAX_IMAGE, "0"), (MAX_IMAGE, 5000 * "9"), (ALLOW_OUTSIDE, "yes")],
-)
-def test_a_variable_that_makes_no_sense_is_wrong_usage(monkeypatch, name, value):
-    monkeypatch.setenv(name, value)
-    result = CliRunner().invoke(command, ["info", "mesh.obj"])
-    assert result.exit_code == 2
-    assert f"{name}: {quoted(value)} is" in result.output
-
-
-@pytest.mark.parametrize(("name", "suffix"), [("mipmap", ""), ("cubemap", ".png")])
-def test_an_output_with_too_long_a_name_is_an_error_of_one_line(tmp_path, name, suffix):
-    write_image(np.full((8, 16, 3), 128, np.uint8), tmp_path / "a.png")
-    words = [name, str(tmp_path / "a.png"), "-o", str(tmp_path / ("n" * 300 + suffix))]
-    result = CliRunner().invoke(command, words)
-    assert result.exit_code == 1
-    assert isinstance(result.exception, SystemExit)
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from texbake.baking.bake import bake, remap
 from texbake.baking.options import BakeOptions
 from texbake.baking.rays import checked_cage
-from texbake.errors import CageError, MissError, OptionError, UvError
+from texbake.errors import CageError, MissError, OptionError
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import turned_over
 from texbake.mesh.mesh import Mesh
@@ -44,23 +44,6 @@ def test_high_equal_to_low_is_flat_everywhere(shape, samples, convention):
     # float32 interpolation of unit vectors, and of offsets as long as the rounding of positions
     np.testing.assert_allclose(normals, np.broadcast_to([0, 0, 1], normals.shape), atol=3e-6)
     np.testing.assert_allclose(result.maps["displacement"].values, 0, atol=1e-12 * mesh.diagonal)
-
-
-@pytest.mark.parametrize("height", [0.03, -0.02])
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_a_displaced_plane_gives_back_its_offset(height, scale):
-    low = plane(2, 3)
-    low = low.replace(positions=low.positions * scale + 5 * scale)
-    high = low.replace(positions=low.positions + np.array([0, 0, height * scale]))
-    options = BakeOptions(size=64, maps=("displacement", "vector-displacement", "normal"))
-    result = bake(high, low, options)
-    assert result.report.texels_missed == 0
-    values = result.maps["displacement"].values
-    # float32 of the height, and the float64 rounding of positions at an offset of 5
-    np.testing.assert_allclose(values, height * scale, rtol=2e-7)
-    vectors = result.maps["vector-displacement"].values
-    np.testing.assert_allclose(vectors[..., 2], height * scale, rtol=1e-6)
-    np.testing.assert_allclose(vectors[..., :2], 0, atol=1e-6 * scale)
 
 
 def half_a_plane():
@@ -301,25 +284,10 @@ def test_meeting_padding_and_overlaps_give_warnings():
     assert any("overlap" in warning for warning in overlapping.warnings)
 
 
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"size": (16, 16, 16)}, {"samples": 3}, {"front": 0.0, "back": 0.0}, {"scale": 0.0},
-        {"maps": ()}, {"maps": ["normal"]}, {"max_memory": "much"},
-    ],
-)  # fmt: skip
-def test_wrong_options_are_one_clear_error(choice):
-    with pytest.raises(OptionError) as error:
-        BakeOptions(**choice)
-    assert next(iter(choice)).replace("_", "-") in str(error.value).replace("_", "-")
-    assert "\n" not in str(error.value)
-
-
-def test_unknown_map_and_missing_uvs():
-    with pytest.raises(OptionError, match="albedo is not one of normal, displacement"):
-        bake(icosphere(1), plane(), BakeOptions(maps=("albedo",)))
-    with pytest.raises(UvError, match="no texture coordinates"):
-        bake(icosphere(1), icosphere(1))
+@pytest.mark.parametrize("maps", [(), ["normal"]])
+def test_maps_are_a_tuple_of_one_or_more(maps):
+    with pytest.raises(OptionError, match=r"^maps: "):
+        BakeOptions(maps=maps)
 
 
 def test_faces_without_a_texel_are_reported():

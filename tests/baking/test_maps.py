@@ -10,13 +10,7 @@ from texbake.baking.codings import id_colors
 from texbake.baking.maps import DEFAULT_PATTERN, MAP_NAMES, MAPS, map_file_names
 from texbake.baking.options import BakeOptions
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.materials import (
-    CHANNELS,
-    ChannelImage,
-    ChannelSource,
-    Materials,
-    MeshMaterial,
-)
+from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.image import read_image, write_image
@@ -231,8 +225,7 @@ def test_an_image_needs_texture_coordinates(tmp_path):
 def strip(right):
     """The part of the unit square left of a line."""
     return Mesh(
-        positions=[[0, 0, 0], [right, 0, 0], [right, 1, 0], [0, 1, 0]],
-        faces=[[0, 1, 2], [0, 2, 3]],
+        positions=[[0, 0, 0], [right, 0, 0], [right, 1, 0], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]]
     )
 
 

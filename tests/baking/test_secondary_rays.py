@@ -11,7 +11,7 @@ from texbake.baking.bake import bake, remap
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import INNER, OUTER
-from texbake.baking.options import BakeOptions, SecondaryOptions
+from texbake.baking.options import BakeOptions
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
 from texbake.errors import OptionError
@@ -21,12 +21,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.metadata import THICKNESS_SCALE
-from texbake.raycast.rays import (
-    DEPTH,
-    N_COLUMNS,
-    OPEN,
-    OPEN_DIRECTION,
-)
+from texbake.raycast.rays import DEPTH, N_COLUMNS, OPEN, OPEN_DIRECTION
 from texbake.raycast.scene import RayScene
 
 CASTERS = [RayScene.build, EmbreexScene]
@@ -359,17 +354,3 @@ def test_adaptive_samples_cast_secondary_rays_too(ground):
     assert result.report.counts.secondary_rays == 64 * covered
     with pytest.raises(OptionError, match=r"^max_error, .* bound nothing of ao"):
         bake(ground, plane(), dataclasses.replace(options, maps=("ao",)))
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"secondary_rays": 100}, "secondary_rays: 100 is not a power of two"),
-        ({"secondary_rays": 8192}, "secondary_rays: 8192 is out of range; it must be 1 to 4096"),
-        ({"occluder_distance": 0.0}, "occluder_distance: 0.0 is out of range; it must be above 0"),
-    ],
-)
-def test_choices_are_checked(given, message):
-    for options in (SecondaryOptions, BakeOptions):
-        with pytest.raises(OptionError, match=f"^{message}"):
-            options(**given)

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from texbake.baking.texels import (
-    NO_FACE,
-    UNIT,
-    SampleGrid,
-    owned_samples,
-    rasterize_uv,
-    snap_uvs,
-)
+from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, owned_samples, rasterize_uv, snap_uvs
 from texbake.errors import UvError
 from texbake.mesh.mesh import Mesh
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake import distortion, read_image, read_mesh, write_image
+from texbake import distortion, read_mesh, write_image
 from texbake.jobs.light_maps import file_names
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 
@@ -58,29 +58,6 @@ def test_a_projector_can_be_a_matrix(workplace, invoke):
     mesh = read_mesh("out.obj")
     positions = mesh.positions[mesh.faces]
     np.testing.assert_allclose(mesh.corner_uvs(), (positions[:, :, :2] + 1.0) / 2.0, atol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("name", "choices", "bits"),
-    [("n.png", "", 16), ("n.png", "--bits 8", 8), ("n.tga", "", 8), ("n.exr", "", 32)],
-)
-def test_normals_in_any_format_decode_to_the_same(workplace, invoke, name, choices, bits):
-    invoke(f"bake-normals high.ply low.obj -o {name} --size 32 --padding 0 {choices}")
-    invoke("bake-normals high.ply low.obj -o reference.exr --size 32 --padding 0")
-    image = read_image(name, color=False)
-    assert image.bits == bits
-    reference = read_image("reference.exr", color=False).pixels
-    # Half a step between codes of [0, 1], and what float32 leaves of it.
-    step = 0.0 if image.is_float else 0.5 / (2**bits - 1) + 1e-7
-    assert np.abs(image.pixels - reference).max() <= step
-
-
-def test_one_trace_gives_the_same_maps_as_two(workplace, invoke):
-    invoke("bake high.ply low.obj -o maps --maps normal,displacement --size 32 --format exr")
-    invoke("bake-normals high.ply low.obj -o n.exr --size 32")
-    invoke("bake-displacement high.ply low.obj -o d.exr --size 32")
-    assert Path("n.exr").read_bytes() == Path("maps/normal.exr").read_bytes()
-    assert Path("d.exr").read_bytes() == Path("maps/displacement.exr").read_bytes()
 
 
 def test_report_has_settings_figures_and_the_coding_of_heights(workplace, invoke):
@@ -136,38 +113,6 @@ def test_json_has_everything(workplace, invoke):
     assert written["n_faces"] == 112
     assert written["distortion"] == distortion(read_mesh("low.obj")).to_json()
     assert "distortion" not in json.loads(invoke("info low.obj --json").stdout)
-
-
-SCENE = """
-[[lights]]
-kind = "directional"
-direction = [0, 0, -1]
-intensity = 2.0
-shadow = {}
-
-[[objects]]
-name = "the floor"
-mesh = "low.obj"
-material = { shading = "lambert" }
-"""
-
-
-@pytest.fixture
-def scene(workplace):
-    (workplace / "room.toml").write_text(SCENE, encoding="utf-8")
-    return workplace
-
-
-def test_a_file_for_each_object(scene, invoke):
-    result = invoke("bake-lightmap room.toml -o maps --size 64 --padding 1")
-    assert "wrote maps/the_floor.exr" in result.output
-    pixels = read_image(scene / "maps" / "the_floor.exr", color=True).pixels
-    assert pixels.shape == (64, 64, 3)
-    # The top of the sphere has all of the light, its lower half none.
-    assert pixels.max() == pytest.approx(2.0, rel=0.05)
-    assert pixels[40:].max() == pytest.approx(0.0, abs=1e-6)
-    invoke("bake-lightmap room.toml -o maps --size 64 --format png --quiet")
-    assert (scene / "maps" / "the_floor.png").is_file()
 
 
 def test_objects_of_one_name_get_files_of_their_own():

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake import OptionError, read_image, read_mesh, write_image, write_mesh
+from texbake import OptionError, read_image, write_image, write_mesh
 from texbake.mesh.shapes import plane
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE
 from texbake.verbs.channels import pack_channels_file, split_channels_files
@@ -72,16 +72,6 @@ def test_packed_texels_keep_their_codes(shop, invoke):
     invoke("pack-textures flat.png -o b.png --padding 0 --size 30x9")
     flat = (read_image(name, color=False).pixels for name in ("flat.png", "b.png"))
     np.testing.assert_array_equal(*flat)
-
-
-def test_packed_meshes_are_moved(shop, invoke):
-    invoke(
-        "pack-textures red.png hill.png -o a.png --mesh plane.obj --mesh low.obj --meshes-to out"
-    )
-    moved = read_mesh("out/plane.obj")
-    assert moved.uvs is not None
-    extent = np.ptp(moved.uvs, axis=0) * read_image("a.png", color=True).pixels.shape[1::-1]
-    np.testing.assert_allclose(extent, (24, 16), atol=1e-4)
 
 
 def test_heights_come_back_through_files(shop, invoke):
@@ -183,20 +173,6 @@ def test_the_files_are_those_of_the_python_functions(codes, invoke):
         split_channels_files("b.png", ["r.png"], names=["x", "", "", "y"])
 
 
-def test_every_level_is_written(shop, invoke):
-    result = invoke("mipmap wood.png -o levels")
-    assert result.stdout.splitlines() == [f"wrote levels/wood_{index}.png" for index in range(4)]
-    sizes = [read_image(f"levels/wood_{i}.png", color=True).pixels.shape[:2] for i in range(4)]
-    assert sizes == [(8, 12), (4, 6), (2, 3), (1, 1)]
-    first = read_image("levels/wood_0.png", color=True).pixels
-    np.testing.assert_array_equal(first, read_image("wood.png", color=True).pixels)
-
-
-def test_levels_in_one_picture(shop, invoke):
-    assert invoke("mipmap wood.png -o all.png --filter kaiser --wrap clamp -q").stdout == ""
-    assert read_image("all.png", color=True).pixels.shape == (8, 18, 3)
-
-
 def test_roughness_of_normals(shop, invoke):
     invoke("mipmap noisy.png -o levels.tif --kind normal --roughness rough")
     rough = [read_image(f"rough/noisy_roughness_{i}.png", color=False).pixels for i in range(4)]
@@ -225,29 +201,3 @@ def test_one_image_is_a_cross_and_clipping_is_reported(shop, invoke):
     result = invoke("cubemap cross.png -o again --convention inside --format tga --quiet")
     assert result.stdout == ""
     assert (shop / "again" / "px.tga").is_file()
-
-
-def test_a_constant_stays_its_code(shop, invoke):
-    invoke("cubemap even.png -o faces")
-    for path in Path("faces").iterdir():
-        codes = read_image(path, color=False).pixels * np.float32(255)
-        np.testing.assert_allclose(codes, 100, atol=1e-3)
-
-
-def test_a_panorama_there_and_back(shop, invoke):
-    y, x = np.mgrid[:256, :512] * (np.pi / 256)
-    waves = 0.5 + 0.1 * sum(np.sin(y) ** 4 * np.sin(n * x) * np.sin(n * y) for n in (3, 8, 40, 100))
-    write_image(np.repeat(waves[..., None], 3, axis=2).astype(np.float32), "waves.png", color=False)
-    invoke("cubemap waves.png -o faces --size 256")
-    invoke("cubemap faces -o back.png --size 256")
-    earth, back = (read_image(path, color=False).pixels for path in ("waves.png", "back.png"))
-
-    def error(down, right):
-        moved = np.roll(back, (down, right), axis=(0, 1))
-        return float(np.sqrt(np.mean((moved - earth) ** 2)))
-
-    # Softened by two resamplings, but not moved: a texel to either side it is equally less similar.
-    for step in (1, 0), (0, 1):
-        there, here = error(*step), error(-step[0], -step[1])
-        assert error(0, 0) < 0.8 * min(there, here)
-        assert abs(there - here) < 0.02 * there

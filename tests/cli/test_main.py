@@ -80,10 +80,7 @@ def test_a_missing_command_is_wrong_usage_and_shows_the_help(words):
     ],
 )
 def test_failures_are_one_line(error, exit_code, line):
-    with (
-        pytest.raises(click.ClickException) as caught,
-        failures_as_one_line(CONTEXT),
-    ):
+    with pytest.raises(click.ClickException) as caught, failures_as_one_line(CONTEXT):
         raise error
     assert caught.value.exit_code == exit_code
     assert line in caught.value.message

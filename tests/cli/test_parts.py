@@ -112,18 +112,6 @@ def test_the_warning_gives_the_cause_of_the_misses_of_the_worst_set(run):
     assert "low-poly faces far from the high-poly mesh" in done.output
 
 
-def test_tiles_have_files_of_their_own(run, tmp_path):
-    pattern = "{asset}_{map}_{udim}.{ext}"
-    run(f"high.obj tiles.obj {HEIGHTS} --name-pattern {pattern} --report OUT/report.json")
-    first, second = (
-        heights(tmp_path / "maps" / f"tiles_displacement_{udim}.exr") for udim in (1001, 1002)
-    )
-    np.testing.assert_allclose(first[8:24, 4:12], 0.1, rtol=1e-5)
-    np.testing.assert_allclose(second[8:24, 20:28], 0.2, rtol=1e-5)
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert [item["udim"] for item in report["targets"]] == [1001, 1002]
-
-
 def test_one_tile_is_a_plain_bake(run, tmp_path):
     """A pattern with one tile allows whatever a plain bake allows, such as a page or kept hits."""
     run("high.obj low.obj --name-pattern {map}_{udim}.{ext} --hits OUT/hits.npz")
@@ -149,9 +137,6 @@ def test_images_skew_and_offset_rays(run, tmp_path):
         ("high.obj low.obj --texture-sets materials", 1, "no materials"),
         ("high.obj low.obj --texture-sets groups --name-pattern {map}.x.{ext}", 2, "put {set} in"),
         ("low.obj --high empty", 1, "no mesh in it"),
-        ("--high high.obj", 2, "LOW: it is missing"),
-        ("high.obj", 2, "LOW: it is missing"),
-        ("high.obj low.obj --time-budget 1s --match-by-name", 2, "time-budget"),
     ],
 )
 def test_impossible_options_are_one_line(run, folder, line, code, message):
@@ -174,11 +159,7 @@ def test_an_asset_in_other_units_is_refused(run, tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "is_matched", "has_warning"),
-    [
-        ("", True, False),
-        ("--join-objects", False, False),
-        ("--hits OUT/hits.npz", False, True),
-    ],
+    [("", True, False), ("--join-objects", False, False), ("--hits OUT/hits.npz", False, True)],
 )
 def test_objects_whose_names_pair_up_are_matched(run, tmp_path, words, is_matched, has_warning):
     high, low = ([square("a", 0, z=z), square("b", 2, z=z, u=0.5)] for z in (0.1, 0.0))

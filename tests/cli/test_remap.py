@@ -96,19 +96,3 @@ def test_the_report_lists_the_colors_of_ids(baked, tmp_path):
     pixels = read_image(tmp_path / "material-id.png", color=False).pixels
     codes = np.unique(np.rint(pixels.reshape(-1, 3) * 255).astype(int), axis=0).tolist()
     assert codes == [color]  # the low-poly ball's charts fill the square
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--maps", "normal", "--bits", "32"], "PNG holds 8 or 16 bits"),
-        (["--maps", "normals"], "normals is not one of"),
-        (["--maps", "ao"], "ao: the kept hits lack the rays for it"),
-        (["--padding", "-1"], "padding: -1 is out of range"),
-    ],
-)
-def test_wrong_options_are_one_line(baked, tmp_path, words, message):
-    result = run("remap", baked / "a.npz", "-o", tmp_path / "maps", *words)
-    assert result.exit_code == 2
-    assert message in result.output
-    assert not (tmp_path / "maps").exists()

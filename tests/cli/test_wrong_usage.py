@@ -109,6 +109,7 @@ USAGE = {
     f"{BAKE} --max-error small": "is not an error",
     f"{BAKE} --time-budget later": "is not a duration",
     f"{BAKE} --bits 32": "PNG holds 8 or 16",
+    "bake high.ply low.obj -o m --secondary-rays 100": "100 is not a power of two",
     f"{BAKE} --bits 12": "bits: 12",
     f"{BAKE} --size 100000": "size: 100000",
     f"{BAKE} --size 64x0": "size: 0",

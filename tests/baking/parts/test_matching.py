@@ -17,8 +17,7 @@ def matched(high, low, options=OPTIONS):
 
 def test_numbers_may_follow_and_letters_may_not():
     found = matched(
-        ["body_high", "Body_HIGH_01", "body_high.002", "body_high3", "body_highlight"],
-        ["BODY_low"],
+        ["body_high", "Body_HIGH_01", "body_high.002", "body_high3", "body_highlight"], ["BODY_low"]
     )
     assert found["matches"] == [
         {
@@ -62,8 +61,6 @@ def test_parts_that_cannot_be_matched_are_one_line(high, low, message):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"occluders": "some"},
-        {"texture_sets": "colors"},
         {"match_by_name": True, "high_suffix": ""},
         {"match_by_name": True, "high_suffix": "_LOW"},
     ],

@@ -286,15 +286,6 @@ def test_wrong_input_is_one_clear_error(tmp_path):
         bake_photos(
             plane().replace(uvs=None, uv_faces=None), [Photo(image=solid(RED), camera=FRONT)]
         )
-    for wrong in (
-        {"max_angle": 0.0},
-        {"falloff": -1.0},
-        {"feather": 0.6},
-        {"margin": -1.0},
-        {"samples": 2},
-    ):
-        with pytest.raises(OptionError, match=next(iter(wrong))):
-            PhotoOptions(**wrong)
 
 
 def test_a_photograph_from_a_file_with_nan_and_16_bits(tmp_path):
@@ -366,10 +357,7 @@ def test_cameras_are_read_from_toml_and_from_matrices(tmp_path):
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = 180", "fov: 180 degrees"),
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = true", "fov: True degrees"),
         ("position = [0, 0, 1]\ntarget = [0, 0, 0]\naspect = -1", "aspect: -1"),
-        (
-            "position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35",
-            "lens: unknown key; a camera",
-        ),
+        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35", "lens: unknown key; a camera"),
         ("position = [0,", "it is not TOML"),
         ("position = " + "[" * 10_000, "it is not TOML: maximum recursion depth"),
         ("position = " + "9" * 5000, "it is not TOML: Exceeds the limit"),

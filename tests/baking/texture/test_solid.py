@@ -97,15 +97,11 @@ def test_wrong_input_is_one_clear_error():
     with pytest.raises(UvError, match=r"a\.obj: it has no texture coordinates"):
         bake_solid(bare)
     for wrong in (
-        {"procedure": "plaid"},
         {"parameters": {"speed": 1}},
         {"scale": 0.0},
         {"scale": (1.0, 2.0)},
         {"colors": ()},
         {"colors": ((0.0, 1.0),)},
-        {"samples": 3},
-        {"padding": -1},
-        {"fill": "gray"},
     ):
         name = next(iter(wrong)).replace("parameters", "speed")
         with pytest.raises(OptionError, match=name):

@@ -163,20 +163,6 @@ def test_a_packed_map_is_what_its_channels_are(tmp_path, mesh, maps, orm, export
         assert one == other, name
 
 
-def test_a_packed_map_is_bound_in_the_material(tmp_path, mesh, orm):
-    path, codes = orm
-    result = export_asset(mesh, {"ORM": path}, tmp_path / "out", ExportOptions(to="threejs"))
-    document = read_document(result.mesh)
-    (material,) = document.content["materials"]
-    texture = {"index": 0}
-    assert material["pbrMetallicRoughness"]["metallicRoughnessTexture"] == texture
-    assert material["occlusionTexture"] == texture
-    image = tmp_path / "embedded.png"
-    image.write_bytes(document.view_bytes(document.content["images"][0]["bufferView"]).tobytes())
-    np.testing.assert_array_equal(codes_of(image), codes)
-    assert "Its material already has: ORM." in result.settings.read_text(encoding="utf-8")
-
-
 def test_a_map_of_its_own_takes_the_place_of_a_channel(tmp_path, mesh, maps, orm):
     path, codes = orm
     given = {"orm": path, "roughness": maps / "rock_ao.png"}
@@ -325,17 +311,6 @@ def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
         assert any("does not support UDIM" in note for note in result.warnings) == (
             target == "godot"
         )
-
-
-def test_the_same_asset_gives_the_same_bytes(tmp_path, mesh, maps):
-    contents = []
-    for name in "one", "two":
-        options = ExportOptions(to="blender", layers=True)
-        result = export_asset(
-            mesh, find_maps(maps), tmp_path / name, options, levels=[coarser(mesh)]
-        )
-        contents.append([path.read_bytes() for path in result.files])
-    assert contents[0] == contents[1]
 
 
 @pytest.mark.parametrize(
