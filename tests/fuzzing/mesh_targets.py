@@ -162,7 +162,7 @@ def atlas(drawn):
         "hide_seams": drawn.pick((0.5, 0.0, 1.0)),
     }  # fmt: skip
     options = drawn.options(
-        tb.UnwrapOptions, "by_group", *(() if keep else ("seams_at_hard_edges",)),
+        tb.UnwrapOptions, "by_group", *(() if keep else ("seams_at_hard_edges", "straighten")),
         quality=drawn.pick(("fast", "fast", "fast", "good", "good", "best")),
         size=size, padding=drawn.pick((0, 1, 4)), tiles=drawn.pick((1, 1, 1, 3)), keep=keep,
         **limits,

@@ -155,7 +155,7 @@ VALUES: dict[str, str] = {
     "reflection": f"{{strength = {IMAGE}}}", "refraction": f"{{strength = {IMAGE}}}",
     "rotate": "30",
     "roughness": IMAGE, "samples": "8", "scale": "2", "seam_angle": "60", "symmetry": '"off"',
-    "hide_seams": "0.2",
+    "hide_seams": "0.2", "straighten": "true",
     "seams_at_hard_edges": "true", "shading": '"unlit"', "shading_rate": '"vertex"',
     "shadow": "true", "sides": "6", "size": "32", "space": '"object"',
     "specular": IMAGE, "start": "1", "static": "false", "strength": "0", "surface": '"sphere"',

@@ -441,7 +441,7 @@ static bool relax(struct arena *arena, struct chart *chart, int64_t n_iterations
     const size_t n_bytes = (size_t)chart->n_points * sizeof *chart->uvs;
     double (*uvs)[2] = take(arena, chart->n_points, sizeof *uvs);
     for (int keep_apart = 0; keep_apart < 2; keep_apart++) {
-        const struct limits limits = {n_iterations, ACCURACY, keep_apart};
+        const struct limits limits = {n_iterations, ACCURACY, keep_apart, NULL};
         struct flat flat;
         memcpy(uvs, chart->uvs, n_bytes);
         if (!flatten(arena, &patch, chart->points, true, limits, uvs, &flat))

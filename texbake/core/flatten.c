@@ -153,7 +153,7 @@ EXPORT int64_t flatten_patch(
     OPEN_ARENA(arena);
     struct patch patch;
     struct flat flat;
-    const struct limits limits = {n_iterations, accuracy, keep_apart};
+    const struct limits limits = {n_iterations, accuracy, keep_apart, NULL};
     const bool is_laid = make_patch(arena, n, n_faces, faces, &patch)
         && flatten(arena, &patch, points, has_start, limits, uvs, &flat);
     if (is_laid)
@@ -181,4 +181,30 @@ EXPORT int64_t measure_layout(
     }
     close_arena(arena);
     return is_measured;
+}
+
+/* Flatten a disk whose border has the places in `uvs`, on a convex outline: `fixed` vertices stay
+   there. Returns whether there is a layout without flips; `uvs` and `figures` as in `flatten_patch`. */
+EXPORT int64_t flatten_within(
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    const bool fixed[n], int64_t n_iterations, double accuracy, double uvs[n][2],
+    double figures[3])
+{
+    OPEN_ARENA(arena);
+    struct patch patch;
+    bool is_laid = false;
+    if (make_patch(arena, n, n_faces, faces, &patch) && patch.is_disk && patch.n_loops == 1) {
+        const struct shapes shapes = rest_shapes(arena, n_faces, faces, points);
+        const struct limits limits = {n_iterations, accuracy, false, fixed};
+        embed(arena, &patch, points, fixed, CIRCLE_TOLERANCES[1], uvs);
+        if (has_area(&shapes) && isfinite(energy_of((const double (*)[2])uvs, &shapes))) {
+            const int32_t *regions = TAKE_ZEROS(arena, int32_t, n);
+            minimize_energy(arena, &patch, &shapes, regions, limits, uvs);
+            const struct flat flat = finish(arena, &patch, &shapes, uvs);
+            write_figures(&flat, figures);
+            is_laid = isfinite(flat.l2);
+        }
+    }
+    close_arena(arena);
+    return is_laid;
 }

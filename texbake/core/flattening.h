@@ -91,6 +91,11 @@ bool lay_in_circle(
     struct arena *arena, const struct patch *patch, const double (*points)[3], double tolerance,
     double (*uvs)[2]);
 
+/* Move the vertices that are not `fixed` to the weighted mean of their neighbors. */
+void embed(
+    struct arena *arena, const struct patch *patch, const double (*points)[3], const bool *fixed,
+    double tolerance, double (*uvs)[2]);
+
 /* symmetric_dirichlet.c */
 
 /* Triangles of a patch, and their shapes in space: gradients of the three hat functions in the plane
@@ -122,6 +127,7 @@ struct limits {
     int64_t n_iterations;
     double accuracy;
     bool keep_apart; /* edges of the boundary never cross, in any step */
+    const bool *fixed; /* vertices that stay where they are; NULL for none */
 };
 
 /* Minimize the energy from a layout without flips, in place; return the number of steps. */

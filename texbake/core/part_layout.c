@@ -183,9 +183,9 @@ void lay_out_from(
     if (make_patch(arena, part->n_vertices, part->n_faces, faces, &patch)) {
         const bool is_flat = project(part, places, normal);
         const bool is_marked = isinf(cutting->limits.most_l2);
-        struct limits limits = {is_flat ? 0 : n_steps, ACCURACY, false};
+        struct limits limits = {is_flat ? 0 : n_steps, ACCURACY, false, NULL};
         if (is_marked && !is_flat)
-            limits = (struct limits){MARKED_EFFORT, MARKED_ACCURACY, false};
+            limits = (struct limits){MARKED_EFFORT, MARKED_ACCURACY, false, NULL};
         part->is_laid = flatten(
             arena, &patch, places, is_flat || has_start, limits, part->uvs, &flat);
         if (is_marked && part->is_laid && !is_flat && !flat.is_injective) {

@@ -317,6 +317,7 @@ struct descent {
     const struct patch *patch;
     const struct shapes *shapes;
     const int32_t *regions;
+    const bool *fixed; /* vertices that do not move; NULL for none */
     double (*uvs)[2];
     double (*slope)[2]; /* downhill */
     double (*steps)[2];
@@ -324,6 +325,20 @@ struct descent {
     double (*blocks)[4];
     double energy;
 };
+
+/* Take the rows and columns of vertices that do not move out of the model. */
+static void hold_fixed(struct descent *descent)
+{
+    const struct patch *patch = descent->patch;
+    for (int64_t i = 0; i < patch->n; i++) {
+        if (descent->fixed[i])
+            descent->slope[i][0] = descent->slope[i][1] = 0.0;
+        for (int64_t at = patch->row_starts[i]; at < patch->row_starts[i + 1]; at++)
+            if (descent->fixed[i] || descent->fixed[patch->columns[at]])
+                for (int k = 0; k < 4; k++)
+                    descent->blocks[at][k] = 0.0;
+    }
+}
 
 /* Find the direction of a Newton step; return how fast the energy falls along it. */
 static double find_direction(struct arena *arena, struct descent *descent)
@@ -336,13 +351,18 @@ static double find_direction(struct arena *arena, struct descent *descent)
     set_model(
         uvs, descent->shapes, (const int32_t (*)[3][3])patch->entries, patch->n, descent->slope,
         patch->row_starts[patch->n], descent->blocks);
+    if (descent->fixed != NULL)
+        hold_fixed(descent);
     solve_block_system(
         arena, &matrix, (const double (*)[2])descent->slope, uvs, descent->regions,
         descent->steps, TOLERANCE, MOST_SOLVER_STEPS);
     double downhill = 0.0;
-    for (int64_t i = 0; i < patch->n; i++)
+    for (int64_t i = 0; i < patch->n; i++) {
+        if (descent->fixed != NULL && descent->fixed[i])
+            descent->steps[i][0] = descent->steps[i][1] = 0.0;
         downhill += descent->slope[i][0] * descent->steps[i][0]
             + descent->slope[i][1] * descent->steps[i][1];
+    }
     reset_arena(arena, mark);
     return downhill;
 }
@@ -385,7 +405,8 @@ int64_t minimize_energy(
 {
     const arena_mark mark = mark_arena(arena);
     struct descent descent = {
-        .patch = patch, .shapes = shapes, .regions = regions, .uvs = uvs,
+        .patch = patch, .shapes = shapes, .regions = regions, .fixed = limits.fixed,
+        .uvs = uvs,
         .energy = energy_of((const double (*)[2])uvs, shapes)};
     descent.slope = take(arena, patch->n, sizeof *descent.slope);
     descent.steps = take(arena, patch->n, sizeof *descent.steps);

@@ -51,10 +51,9 @@ static void add_cotangents(
     }
 }
 
-/* Move the vertices that are not on the circle to the weighted mean of their neighbors. */
-static void embed(
-    struct arena *arena, const struct patch *patch, const double (*points)[3],
-    const bool *circle, double tolerance, double (*uvs)[2])
+void embed(
+    struct arena *arena, const struct patch *patch, const double (*points)[3], const bool *fixed,
+    double tolerance, double (*uvs)[2])
 {
     const int64_t n = patch->n, n_entries = patch->row_starts[n];
     double *weights = TAKE_ZEROS(arena, double, n_entries);
@@ -64,14 +63,14 @@ static void embed(
     const int32_t *alone = TAKE_ZEROS(arena, int32_t, n);
     add_cotangents(patch, points, weights);
     for (int64_t i = 0; i < n; i++) {
-        if (circle[i])
+        if (fixed[i])
             continue;
         double total = 0.0;
         for (int64_t at = patch->row_starts[i] + 1; at < patch->row_starts[i + 1]; at++) {
             const double weight = clamp_f64(weights[at], LEAST_WEIGHT, MOST_WEIGHT);
             const int32_t j = patch->columns[at];
             total += weight;
-            if (circle[j]) {
+            if (fixed[j]) {
                 target[i][0] += weight * uvs[j][0];
                 target[i][1] += weight * uvs[j][1];
             } else {
@@ -86,7 +85,7 @@ static void embed(
         arena, &matrix, (const double (*)[2])target, (const double (*)[2])uvs, alone, inner,
         tolerance, 20 * n);
     for (int64_t i = 0; i < n; i++)
-        if (!circle[i])
+        if (!fixed[i])
             memcpy(uvs[i], inner[i], sizeof uvs[i]);
 }
 

@@ -38,8 +38,8 @@ SECTIONS = {
     "Method": ("method", "size", "only", "uv_set"),
     "Atlas": (
         *("padding", "quality", "max_stretch", "seams", "protect", "importance"),
-        *("keep_seams", "seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry", "tiles"),
-        *("by_group", "keep", "charts", "timeout"),
+        *("keep_seams", "seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry"),
+        *("straighten", "tiles", "by_group", "keep", "charts", "timeout"),
     ),
     "Classical mappings": (
         *("axis", "center", "normal", "fit", "sides", "theta", "height", "caps", "overlap"),

@@ -10,10 +10,11 @@ from functools import partial
 
 import numpy as np
 
-from texbake.errors import UnwrapError, counted
+from texbake.errors import UnwrapError
 from texbake.mapping.atlas.charts import (
     Charts,
     ChartSurface,
+    aligned_charts,
     enlarged,
     existing_charts,
     find_isolated_faces,
@@ -23,9 +24,10 @@ from texbake.mapping.atlas.charts import (
     single_face_charts,
     tile_groups,
     with_cuts_noted,
+    with_shapes_noted,
 )
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
-from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
+from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points, surface_of
 from texbake.mapping.atlas.cutting.marked import marked_charts
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import chart_stretch, relax_charts
@@ -40,6 +42,7 @@ from texbake.mapping.atlas.mirrored_charts import (
     stacked_charts,
 )
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts, upright_tiles
+from texbake.mapping.atlas.rectangles import MOST_L2, tube_charts, with_rectangles
 from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
 from texbake.mesh.compose import offset_joined
@@ -101,22 +104,30 @@ def make_atlas(
     is_free = not options.keep and options.symmetry != "overlap"
     is_free &= all(each is None for each in (*seams, *protected))
     if options.quality == "best" and options.charts == "texbake" and is_free:
-        return _best_atlases(meshes, options, stages, importance, threads)
-    all_charts = [
-        _make_charts(mesh, options, stages, marked, whole, threads)
-        for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
-    ]
+        all_charts = _best_charts(meshes, options, stages, importance, threads)
+    else:
+        all_charts = [
+            _make_charts(mesh, options, stages, marked, whole, threads)
+            for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
+        ]
+    if options.straighten:
+        most = min(MOST_L2, options.max_stretch or MOST_L2)
+        with stages.stage("straighten strips"):
+            all_charts = [
+                with_rectangles(snap_points(mesh), mesh.faces, charts, most, threads=threads)
+                for mesh, charts in zip(meshes, all_charts, strict=True)
+            ]
     return _packed_charts(meshes, all_charts, options, stages, importance, threads)[0]
 
 
-def _best_atlases(
+def _best_charts(
     meshes: Sequence[Mesh],
     options: UnwrapOptions,
     stages: Stages,
     importance: Sequence[FloatArray | None],
     threads: int | None,
-) -> list[Atlas]:
-    """The atlas of the least `layout_cost`: of `good`, of whole bodies, or of larger charts."""
+) -> list[Charts]:
+    """The charts of the least `layout_cost`: of `good`, of whole bodies, or larger ones."""
     good = replace(options, quality="good")
     candidates: list[tuple[float, list[Charts]]] = []
 
@@ -141,8 +152,7 @@ def _best_atlases(
     least = min((cost for cost, _ in candidates[1:]), default=math.inf)
     if not (candidates and least < _CLEARLY_BETTER * candidates[0][0]):
         consider([_make_charts(mesh, options, stages, None, None, threads) for mesh in meshes])
-    chosen = min(candidates, key=lambda each: each[0])[1] if candidates else of_good
-    return _packed_charts(meshes, chosen, options, stages, importance, threads)[0]
+    return min(candidates, key=lambda each: each[0])[1] if candidates else of_good
 
 
 def _name_of(meshes: Sequence[Mesh]) -> str:
@@ -183,10 +193,11 @@ def _packed_charts(
             tile_groups=tile_groups(meshes, all_charts) if options.by_group else None,
             density=options.texel_density,
             unit=unit,
+            aligned=aligned_charts(all_charts),
             reshape=not options.keep and options.max_stretch is None,
             threads=threads,
         )
-    all_charts = _with_notes(all_charts, packing.reshaped)
+    all_charts = with_shapes_noted(all_charts, packing.reshaped)
     heights = np.concatenate(
         [
             mesh.positions[mesh.faces if charts.stacked is None else mesh.faces[~charts.stacked], 1]
@@ -200,21 +211,6 @@ def _packed_charts(
         for uvs, charts in zip(parts, all_charts, strict=True)
     ]
     return atlases, packing
-
-
-def _with_notes(all_charts: list[Charts], reshaped: BoolArray) -> list[Charts]:
-    """Note the charts of each mesh that packing has reshaped."""
-    starts = np.cumsum([charts.n_charts for charts in all_charts])[:-1]
-    noted = []
-    for charts, own in zip(all_charts, np.split(reshaped, starts), strict=True):
-        if own.any():
-            note = (
-                f"{counted(int(own.sum()), 'long strip')} would own hardly any texels: shown "
-                "shorter and wider in the texture"
-            )
-            charts = replace(charts, notes=(*charts.notes, note))
-        noted.append(charts)
-    return noted
 
 
 def _make_charts(
@@ -233,10 +229,17 @@ def _make_charts(
     if protected is not None:  # protected faces on both sides of a mirror plane stay together
         surface, options = surface.kept_whole(protected), replace(options, symmetry="off")
     isolated, others = find_isolated_faces(surface)
-    if not len(isolated):
+    pieces = []
+    if len(isolated):
+        pieces.append((isolated, single_face_charts(surface.points, mesh.faces[isolated])))
+    if options.straighten and surface.seams is None and options.symmetry != "overlap":
+        with stages.stage("unroll tubes"):
+            tubes = tube_charts(surface, min(MOST_L2, options.max_stretch or MOST_L2))
+        others = np.setdiff1d(others, np.concatenate([others[:0], *(ids for ids, _ in tubes)]))
+        pieces += tubes
+    if not pieces:
         charts = _connected_charts(mesh, surface, options, stages)
     else:
-        pieces = [(isolated, single_face_charts(surface.points, mesh.faces[isolated]))]
         if len(others):
             part = surface.part(others)
             with suppress(UnwrapError):  # none of them has an area

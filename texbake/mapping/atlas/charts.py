@@ -110,6 +110,8 @@ class Charts:
     n_split: int = 0  # charts that were split off because they overlapped their own chart
     # (F,) bool; faces on the coordinates of their mirror images; None if there are none.
     stacked: BoolArray | None = None
+    # (C,) bool; charts whose sides are packed along u and v; None if there are none.
+    rectangles: BoolArray | None = None
     # Notes for the report: steps that failed and what was done instead, charts that miss a bound
     # and why.
     notes: tuple[str, ...] = ()
@@ -128,6 +130,33 @@ class Charts:
     def solid(self) -> npt.NDArray[np.bool_]:
         """(F,) bool: faces that lie in a chart."""
         return np.asarray((self.faces != self.faces[:, :1]).any(axis=1))
+
+
+def with_shapes_noted(all_charts: Sequence[Charts], reshaped: BoolArray) -> list[Charts]:
+    """Note the charts of each mesh that packing has reshaped."""
+    starts = np.cumsum([charts.n_charts for charts in all_charts])[:-1]
+    noted = []
+    for charts, own in zip(all_charts, np.split(reshaped, starts), strict=True):
+        if own.any():
+            note = (
+                f"{counted(int(own.sum()), 'long strip')} would own hardly any texels: shown "
+                "shorter and wider in the texture"
+            )
+            charts = replace(charts, notes=(*charts.notes, note))
+        noted.append(charts)
+    return noted
+
+
+def aligned_charts(all_charts: Sequence[Charts]) -> BoolArray:
+    """(C,) bool: charts whose sides are packed along u and v."""
+    return np.concatenate(
+        [
+            np.zeros(charts.n_charts, dtype=bool)
+            if charts.rectangles is None
+            else charts.rectangles
+            for charts in all_charts
+        ]
+    )
 
 
 _MOST_IMPORTANT = 4.0  # texels per unit of length of white charts, in those of black ones

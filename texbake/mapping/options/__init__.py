@@ -99,6 +99,9 @@ class AtlasOptions(TextureOptions):
         low=0,
         high=1,
     )
+    straighten: bool = option(
+        False, "Lay strips and tubes out as rectangles where their L2 stretch stays below 1.1."
+    )
     charts: str = option(
         "texbake",
         "What cuts charts: texbake, or the library xatlas in separate processes.",
@@ -145,7 +148,7 @@ class Method:
 METHODS = {
     "atlas": Method((
         "padding", "quality", "max_stretch", "keep_seams", "seams_at_hard_edges", "seam_angle",
-        "hide_seams", "symmetry", "charts", "timeout", "tiles", "by_group", "keep",
+        "hide_seams", "symmetry", "straighten", "charts", "timeout", "tiles", "by_group", "keep",
     )),
     "planar": Method(("axis", "normal", "fit", "sides"), "planar.planar"),
     "cylindrical": Method(("axis", "center", "theta", "height", "caps"), "cylindrical.cylindrical"),
@@ -227,7 +230,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
                 "texel_density: an atlas is packed at this density; a warp or scale would change it"
             )
         cuts = "keep_seams", "seams_at_hard_edges", "seam_angle", "hide_seams", "symmetry"
-        for name in ("max_stretch", *cuts, "charts", "timeout") if self.keep else ():
+        for name in ("max_stretch", *cuts, "straighten", "charts", "timeout") if self.keep else ():
             self._require_default(name, "charts that are kept are not cut; leave it out, or `keep`")
         if self.keep_seams and self.charts == "xatlas":
             raise OptionError("keep_seams: xatlas does not follow given seams; use charts texbake")

@@ -39,6 +39,8 @@ _OUTLINE, _POWER = 1.0, 8.0
 _MOST_HANDLES = 6  # with more, the loops are longer than the seams of many charts
 _ROOTS = 6  # further vertices that loops are searched from
 
+_LONG_OUTLINE = 25.0  # squared, in areas: of a rectangle four times as long as wide
+
 _STEPS = 12  # of the layout after each dart
 _ROUGH, _FINE = 1e-3, 1e-5  # accuracies of layouts
 _SMOOTHINGS = 6  # rounds of averaging stretch over neighboring faces
@@ -73,6 +75,42 @@ def flatten_body(points: FloatArray, opposite: IntArray, weights: FloatArray) ->
     if rough is None:
         return None
     return _finished(body, rough)
+
+
+def cut_tube_open(
+    points: FloatArray, opposite: IntArray
+) -> tuple[IntArray, npt.NDArray[np.intp], IntArray | None] | None:
+    """Cut a tube or a torus, as in `flatten_body`, to a disk with four corners; None for others.
+
+    Returns (m, 3) int32: vertices of the faces; (n,): a corner (face and side) of each; (4,): the
+    vertices at the corners of the disk, None for a strip, which is one without a cut.
+    """
+    body = _Body(points, opposite, np.ones(len(opposite)))
+    n_edges = (len(opposite) + np.count_nonzero(body.cut)) // 2
+    shape = len(body.points) - n_edges + len(points)  # 1 for a disk, 0 for a tube or a torus
+    if shape == 1 and float(body.lengths[body.cut].sum()) ** 2 > _LONG_OUTLINE * body.area:
+        return *body.split_corners(), None
+    if shape != 0:
+        return None
+    if not body.has_seam:  # a torus, which the shorter loop turns into a tube
+        body.cut_along(min(_loops(body), key=len))
+        opposite = np.where(body.cut, np.int32(-1), opposite)
+        body = _Body(points, opposite, np.ones(len(opposite)))
+    tails, heads = body.tails[body.cut], body.heads[body.cut]
+    loops = merged_labels(len(body.points), tails, heads)
+    is_first = loops[tails] == loops[tails[0]]
+    distances = np.full(len(body.points), np.inf)
+    before = np.full(len(body.points), -1, dtype=np.int32)
+    body.graph.shorten(np.unique(tails[is_first]).astype(np.int32), distances, before)
+    others = np.unique(tails[~is_first])
+    if not len(others):
+        return None
+    path = path_back(before, int(others[distances[others].argmin()]))
+    body.cut_along(path)
+    vertices, first = body.split_corners()
+    ends = np.isin(body.vertices.ravel()[first], [path[0], path[-1]])
+    corners = np.flatnonzero(ends).astype(np.int32)
+    return (vertices, first, corners) if len(corners) == 4 else None
 
 
 class _Body:

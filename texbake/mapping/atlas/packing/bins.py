@@ -54,7 +54,7 @@ class Bins:
         self.hurry = sum(charts.n_charts > many for many in _MANY_CHARTS)
         n_poses = min(max(_MOST_POSED // charts.n_charts, 1), _MOST_POSES)
         turns = np.arange(n_poses) * (math.pi / 2.0 / n_poses)
-        self.angles = np.repeat(turns[None], charts.n_charts, axis=0)
+        self.angles = charts.allowed(turns)
         self.poses = charts.turned(self.angles)
         self.areas = charts.areas
         # Half the perimeter, by which xatlas sorts too.

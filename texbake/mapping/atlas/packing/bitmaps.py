@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.records import dataclass
 
@@ -179,6 +179,13 @@ class Outlines:
     faces: IntArray
     chart_ids: IntArray
     n_charts: int
+    aligned: BoolArray | None = None  # (C,); charts that are only rotated by quarter turns
+
+    def allowed(self, angles: npt.NDArray[np.floating]) -> FloatArray:
+        """(C, K) `angles`, in radians, without those that aligned charts may not have."""
+        if self.aligned is None:
+            return np.repeat(angles[None].astype(np.float64), self.n_charts, axis=0)
+        return np.where(self.aligned[:, None], 0.0, angles)
 
     @cached_property
     def areas(self) -> FloatArray:

@@ -109,6 +109,7 @@ def pack_charts(
     tile_groups: IntArray | None = None,
     density: float | None = None,
     unit: float = 1.0,
+    aligned: BoolArray | None = None,
     reshape: bool = False,
     threads: int | None = None,
 ) -> Packing:
@@ -117,11 +118,13 @@ def pack_charts(
     `uvs` (T, 2) float64; `faces` (F, 3) int32; `chart_ids` (T,) int32; `size`: texels in a row, and
     rows; `tiles`: number of textures, for each group if there are groups; `tile_groups` (C,) int32;
     `density`: texels per model unit, None for the largest that fits; `unit`: model units per unit
-    of `uvs`; `reshape`: make strips shorter and wider if they would own hardly any texels.
+    of `uvs`; `aligned` (C,): charts that are only rotated by quarter turns; `reshape`: make strips
+    shorter and wider if they would own hardly any texels.
     """
     n_charts = int(chart_ids.max()) + 1
-    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
-    charts = charts.upright(least_box_angles(uvs, chart_ids))
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts, aligned=aligned)
+    angles = least_box_angles(uvs, chart_ids)
+    charts = charts.upright(angles if aligned is None else np.where(aligned, 0.0, angles))
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
     n_groups = int(groups.max()) + 1
     check_tiles(n_groups, tiles, name)

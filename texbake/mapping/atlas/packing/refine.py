@@ -118,7 +118,7 @@ def refine_layout(
     scale = layout.scale / grid.cell
     while work < most_work and step >= _LEAST_STEP:
         trial += 1
-        angles = layout.angles[:, None] + _ANGLES
+        angles = layout.angles[:, None] + charts.allowed(_ANGLES)
         result, overlap, steps = _moved_apart(
             charts, angles, layout.centers, areas, grid, scale, seed + trial
         )

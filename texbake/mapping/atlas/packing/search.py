@@ -46,6 +46,7 @@ class CoarseLayout:
     """Charts placed one after another on the coarse grid."""
 
     shapes: Shapes  # the charts in `_N_POSES` poses and four quarter turns
+    angles: FloatArray  # (C, K) float64; of the poses, in radians
     places: IntArray  # (C, 3) int32; column, row and orientation
     areas: FloatArray  # (C,) float64; area of each chart in cells
     size: tuple[int, int]  # columns and rows of the grid
@@ -61,7 +62,8 @@ def coarse_layout(
     # on average 2 padding + 1 texels from outline to outline. They need not keep that half from
     # the border, so that the grid is enlarged as well.
     width, height = (max(int((length + 1) / cell), 1) for length in size)
-    poses = charts.turned(np.repeat(_ANGLES[None], charts.n_charts, axis=0))
+    angles = charts.allowed(_ANGLES)
+    poses = charts.turned(angles)
     areas = charts.areas
     strip = _Strip(poses, areas, (width, height), (padding + 0.5) / cell - 0.5, seed)
     first_scale = math.sqrt(_FIRST_FILL * width * height / areas.sum())
@@ -70,6 +72,7 @@ def coarse_layout(
         return None
     return CoarseLayout(
         shapes=found.shapes,
+        angles=angles,
         places=found.places,
         areas=areas * found.scale**2,
         size=(width, height),
@@ -81,9 +84,11 @@ def squeeze_layout(draft: CoarseLayout, *, most_work: int, seed: int) -> RoughLa
     """Squeeze a draft into the smallest grid of about the same proportions that it fits into."""
     weights = pair_weights(draft.areas)
     places, across, up = _squeezed(draft.shapes, draft.places, weights, draft.size, most_work, seed)
-    boxes = draft.shapes.boxes[np.arange(len(places)), places[:, 2]]
+    charts = np.arange(len(places))
+    boxes = draft.shapes.boxes[charts, places[:, 2]]
     return RoughLayout(
-        angles=_ANGLES[places[:, 2] // _TURNS] + places[:, 2] % _TURNS * (math.pi / 2.0),
+        angles=draft.angles[charts, places[:, 2] // _TURNS]
+        + places[:, 2] % _TURNS * (math.pi / 2.0),
         centers=(places[:, :2] + boxes / 2.0) / [across, up],
         scale=draft.scale * min(draft.size[0] / across, draft.size[1] / up),
     )

@@ -1,0 +1,138 @@
+"""Strips and tubes that become rectangles: where they do, and what they keep."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import texbake as tb
+from texbake.core import core
+from texbake.errors import OptionError
+from texbake.mapping.atlas.rectangles import MOST_L2
+from texbake.mapping.corner_uvs import signed_areas
+from texbake.mapping.overlap import find_overlaps
+from texbake.mapping.seams import chart_ids
+from texbake.mapping.stretch import face_stretch
+from texbake.mesh.compose import join_meshes
+from texbake.mesh.shapes import icosphere
+
+
+def grid(n_x, n_y):
+    """Faces of a grid of squares, and its (n, 2) points from 0 to 1."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, n_x + 1), np.linspace(0.0, 1.0, n_y + 1))
+    first = (np.arange(n_y)[:, None] * (n_x + 1) + np.arange(n_x)).ravel()
+    quads = np.stack([first, first + 1, first + n_x + 2, first + n_x + 1], axis=1)
+    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+    return np.ascontiguousarray(faces), np.stack([x.ravel(), y.ravel()], axis=1)
+
+
+def sector(angle, width):
+    """A part of a flat ring of radius 1."""
+    faces, at = grid(24, 4)
+    radius, turn = 1.0 + width * (at[:, 1] - 0.5), angle * at[:, 0]
+    points = np.stack([radius * np.sin(turn), radius * np.cos(turn), 0.0 * turn], axis=1)
+    return tb.Mesh(positions=points, faces=faces[:, ::-1], name="sector")
+
+
+def pipe(bend):
+    """A pipe of 16 x 24 quads about an arc, open at its ends; and a seam along it."""
+    faces, at = grid(16, 24)
+    around, along = 2.0 * np.pi * at[:, 0], bend * (at[:, 1] - 0.5)
+    out, up = 0.2 * np.cos(around), 0.2 * np.sin(around)
+    radius = 4.0 / bend + out
+    points = np.stack([radius * np.cos(along), radius * np.sin(along), up], axis=1)
+    points, joined = np.unique(points.round(9), axis=0, return_inverse=True)
+    seam = joined.ravel().reshape(25, 17)[:, 0]
+    mesh = tb.Mesh(positions=points, faces=joined.ravel()[faces].astype(np.int32), name="pipe")
+    return mesh, list(pairwise(seam.tolist()))
+
+
+def box_fill(mesh):
+    """Share of each chart in its bounding box."""
+    ids, corners = chart_ids(mesh), mesh.corner_uvs()
+    areas = np.bincount(ids, signed_areas(corners))
+    boxes = [np.ptp(corners[ids == chart].reshape(-1, 2), axis=0).prod() for chart in set(ids)]
+    return areas / boxes
+
+
+def l2(mesh):
+    found = face_stretch(mesh)
+    return np.sqrt((found.areas * found.l2**2).sum() / found.areas.sum())
+
+
+@pytest.mark.parametrize("quality", ["fast", "good"])
+def test_a_bent_strip_becomes_a_rectangle_along_u_and_v(quality):
+    mesh = sector(1.0, 0.3)
+    changes = {"quality": quality, "seams": np.empty((0, 2), int), "size": 256}
+    assert box_fill(tb.unwrap(mesh, **changes)).max() < 0.8
+    straight = tb.unwrap(mesh, straighten=True, **changes)
+    assert np.allclose(box_fill(straight), 1.0)
+    assert (signed_areas(straight.corner_uvs()) > 0.0).all()
+    assert 1.0 < l2(straight) < MOST_L2
+
+
+def test_a_strip_that_would_stretch_too_much_keeps_its_layout():
+    changes = {"seams": np.empty((0, 2), int), "size": 256}
+    for mesh in (sector(2.5, 1.4), sector(0.2, 1.0)):  # bent too much; hardly longer than wide
+        straight = tb.unwrap(mesh, straighten=True, **changes)
+        assert np.array_equal(straight.uvs, tb.unwrap(mesh, **changes).uvs)
+    mesh = sector(1.0, 0.3)
+    bounded = tb.unwrap(mesh, straighten=True, max_stretch=1.001, **changes)
+    assert np.array_equal(bounded.uvs, tb.unwrap(mesh, max_stretch=1.001, **changes).uvs)
+
+
+def test_the_sides_of_a_seam_along_a_tube_match():
+    mesh, seam = pipe(1.5)
+    flat = tb.unwrap(mesh, seams=seam, straighten=True)
+    assert np.allclose(box_fill(flat), 1.0)
+    places = np.zeros((mesh.n_vertices, 2, 2))  # least and greatest (u, v) of each vertex
+    corners = flat.corner_uvs().reshape(-1, 2)
+    for way, (pick, start) in enumerate(((np.minimum, np.inf), (np.maximum, -np.inf))):
+        places[:, way] = start
+        pick.at(places[:, way], flat.faces.ravel(), corners)
+    gaps = np.ptp(places[np.unique(seam)], axis=1)
+    assert np.allclose(gaps.min(axis=1), 0.0, atol=1e-6)  # at the same place along the tube
+    assert np.allclose(gaps.max(axis=1), gaps.max())
+
+
+@pytest.mark.parametrize("quality", ["fast", "good"])
+@pytest.mark.parametrize("bend", [1.5, 2.0 * np.pi])  # the last one is a torus
+def test_tubes_are_cut_open_whole(quality, bend):
+    mesh, _ = pipe(bend)
+    flat = tb.unwrap(mesh, quality=quality, straighten=True)
+    assert chart_ids(flat).max() + 1 == 2  # as long as all charts are wide, at most
+    assert (signed_areas(flat.corner_uvs()) > 0.0).all()
+    assert np.allclose(box_fill(flat), 1.0)
+    assert l2(flat) < MOST_L2
+
+
+def test_a_ribbon_is_unrolled_whole():
+    flat = tb.unwrap(sector(1.5, 0.1), straighten=True)
+    assert chart_ids(flat).max() + 1 == np.ceil(1.5 / np.sqrt(0.15) / 1.15)
+    assert np.allclose(box_fill(flat), 1.0)
+
+
+def test_other_parts_beside_a_tube_are_cut_as_ever():
+    tube, ball = pipe(1.5)[0], icosphere(2)
+    both = join_meshes([ball, tube])
+    flat = tb.unwrap(both, straighten=True)
+    assert chart_ids(flat).max() == chart_ids(tb.unwrap(ball)).max() + 1
+    assert (signed_areas(flat.corner_uvs()) > 0.0).all()
+    assert not find_overlaps(flat.corner_uvs()).overlapping.any()
+
+
+def test_fixed_vertices_stay_and_the_others_find_their_places():
+    faces, at = grid(6, 4)
+    points = np.column_stack([at * [3.0, 2.0], np.zeros(len(at))])
+    fixed = ((at == 0.0) | (at == 1.0)).any(axis=1)
+    uvs, figures = np.where(fixed[:, None], points[:, :2], 9.0), np.empty(3)
+    assert core.flatten_within(points, faces, fixed, 50, 1e-6, uvs, figures)
+    assert np.allclose(uvs - uvs[0], points[:, :2], atol=1e-4)
+    assert np.allclose(figures, [1.0, 4.0, 1.0], atol=1e-4)
+    uvs = np.ascontiguousarray(points[:, :2] * [-1.0, 1.0])
+    assert not core.flatten_within(points, faces, fixed, 50, 1e-6, uvs, figures)
+
+
+def test_kept_charts_are_not_straightened():
+    with pytest.raises(OptionError, match="straighten: charts that are kept"):
+        tb.UnwrapOptions(keep=True, straighten=True)
