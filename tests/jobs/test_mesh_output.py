@@ -7,6 +7,7 @@ import pytest
 
 from texbake.errors import FileError
 from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
     ChannelImage,
@@ -17,7 +18,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOptions
-from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.texture.image import write_image
 from texbake.texture.material_images import components_of, image_codes
 from texbake.verbs.meshes import repair_file, transform_file
@@ -215,6 +216,35 @@ def test_images_go_with_texture_coordinates(ball, tmp_path):
     assert low.uvs is None
     assert not materials.has_images
     assert materials.names == ("wood", "iron")
+
+
+@pytest.mark.parametrize(
+    ("glass", "n_left"),
+    [
+        ({}, 12),
+        ({"alpha_mode": "blend"}, 332),
+        ({"alpha_mode": "mask"}, 332),
+        ({"channels": {"transmission": ChannelSource((0.5,))}}, 332),
+    ],
+    ids=["opaque", "blend", "mask", "transmission"],
+)
+def test_what_an_opaque_case_hides_is_dropped(tmp_path, glass, n_left):
+    ball = icosphere(2)
+    mesh = join_meshes([cube(), ball.replace(positions=0.3 * ball.positions)])
+    channels = {"base-color": ChannelSource((1.0, 0.5, 1.0))}
+    case = MeshMaterial(name="case", **({"channels": channels} | glass))
+    materials = Materials(
+        face_materials=(np.arange(mesh.n_faces) >= 12).astype(np.int32),
+        materials=(case, MeshMaterial(name="ball", channels=channels)),
+    )
+    write_mesh(mesh, tmp_path / "a.glb", materials=materials)
+    options = SimplifyOptions(n_faces=2_000, drop_hidden=True)
+    done = simplify_file(tmp_path / "a.glb", tmp_path / "low.glb", options)
+    assert (done.report.n_faces_before, done.report.n_faces) == (332, n_left)
+    dropped = "dropped 320 triangles that other parts hide"
+    assert any(dropped in line for line in done.warnings) == (n_left == 12)
+    names = materials_of(tmp_path / "low.glb").names
+    assert ("ball" in names) == (n_left > 12)
 
 
 def test_groups_are_what_they_were(ball):

@@ -27,7 +27,7 @@ from texbake.mesh.files.mtl import write_obj_materials
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, read_rig
 from texbake.progress import Progress
 from texbake.records import dataclass
@@ -66,6 +66,20 @@ class MeshFileMaterials:
         """Whether there are materials, and a file of the format of `output` holds them."""
         suffixes = (".glb", ".obj") if mtl else (".glb",)
         return self.materials is not None and Path(output).suffix.lower() in suffixes
+
+    def of_faces(self, chosen: BoolArray) -> MeshFileMaterials:
+        """Return the materials of some faces of the mesh."""
+        if self.materials is None:
+            return self
+        of_faces = self.materials.face_materials[chosen]
+        return replace(self, materials=replace(self.materials, face_materials=of_faces))
+
+    def opaque(self, n_faces: int) -> BoolArray:
+        """(F,) bool: faces of materials that nothing is seen through."""
+        if self.materials is None:
+            return np.ones(n_faces, dtype=np.bool_)
+        of_materials = [material.is_opaque for material in self.materials.materials]
+        return np.array(of_materials)[self.materials.face_materials]
 
     def rig_of(self, mesh: Mesh, output: PathLike) -> Rig | None:
         """Return the rig for a mesh made from that of the file, if its objects and format fit."""

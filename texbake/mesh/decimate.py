@@ -8,6 +8,7 @@ the sources: `core/quadric_simplification.c`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
@@ -25,8 +26,9 @@ from texbake.records import dataclass
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
 
-# A boundary that would take up more than this part of the faces is simplified like the rest.
-_BOUNDARY_SHARE = 0.25
+# A boundary is simplified like the rest where keeping all of it would take up more than this part
+# of the faces, or this part more than simplifying it.
+_BOUNDARY_SHARE, _BOUNDARY_COST = 0.25, 0.05
 
 # Parts that cannot all stay may take up these parts of the faces.
 _PARTS_SHARES = (0.25, 0.5, 1.0)
@@ -191,9 +193,11 @@ def _without_stacks(faces: IntArray, places: IntArray, n_vertices: int) -> IntAr
 
 
 def boundary_fits(stream: VertexStream, n_faces: int) -> bool:
-    """Whether there is a boundary, and keeping all of it leaves most of `n_faces` to the rest."""
+    """Whether there is a boundary, and keeping all of it takes few of `n_faces` from the rest."""
     n_boundary = int(np.count_nonzero(open_vertices(stream)))
-    return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces
+    # Edges are about as long at the boundary as elsewhere.
+    n_more = n_boundary * (1.0 - min(math.sqrt(n_faces / len(stream.faces)), 1.0))
+    return 0 < n_boundary <= _BOUNDARY_SHARE * n_faces and n_more <= _BOUNDARY_COST * n_faces
 
 
 def open_vertices(stream: VertexStream) -> BoolArray:

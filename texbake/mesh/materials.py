@@ -124,6 +124,12 @@ class MeshMaterial:
     extensions: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
+    def is_opaque(self) -> bool:
+        """Whether nothing is seen through it, whatever its images show."""
+        source = self.channels.get("transmission")
+        return self.alpha_mode == "opaque" and (source is None or not any(source.factor))
+
+    @property
     def images(self) -> tuple[ChannelImage, ...]:
         """Images of its channels and extensions."""
         channels = (s.image for s in self.channels.values() if s.image is not None)

@@ -211,6 +211,11 @@ class SimplifyOptions(CheckedOptions):
         "(simplify).",
         choices=("keep", "simplify"),
     )
+    drop_hidden: bool = option(
+        False,
+        "Leave out faces that other parts hide from every direction outside, such as an engine "
+        "under a closed hood. Transparent materials hide nothing.",
+    )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     normals: Annotated[str, NORMALS_OPTION] = "keep"

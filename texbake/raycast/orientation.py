@@ -17,6 +17,7 @@ import math
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import counted
@@ -193,12 +194,33 @@ def _points(
     drawn = begins[of_points] + random.random(n) * (ends - begins)[of_points]
     rows = np.clip(np.searchsorted(sums, drawn, side="right") - 1, 0, len(order) - 1)
     faces = order[rows]
-    root, second = np.sqrt(random.random(n)), random.random(n)
-    weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
-    positions = pm.vecmat(weights, mesh.positions[mesh.faces[faces]])
+    positions = points_in(mesh, faces, random)
     normals = unit_normals(_centered(mesh), mesh.faces[faces])
     normals[turned[faces]] *= -1.0
     return _Points(of_points, positions, normals, left_out)
+
+
+def points_in(mesh: Mesh, faces: npt.NDArray[np.intp], random: np.random.Generator) -> FloatArray:
+    """(n, 3) float64: a random point of each face, evenly spread over its area."""
+    root, second = np.sqrt(random.random(len(faces))), random.random(len(faces))
+    weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)
+    return np.asarray(pm.vecmat(weights, mesh.positions[mesh.faces[faces]]))
+
+
+def cosine_directions(normals: FloatArray, random: np.random.Generator) -> FloatArray:
+    """(n, 3) float64: a random direction about each normal, by the cosine of their angle."""
+    n = len(normals)
+    z, turn = random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0 * math.pi, n)
+    across = np.sqrt(1.0 - z * z)
+    directions = normals + np.stack([across * pm.cos(turn), across * pm.sin(turn), z], axis=1)
+    return np.asarray(directions / np.maximum(pm.norm(directions, axis=1, keepdims=True), 1e-300))
+
+
+def cast_from(
+    scene: RayScene, origins: FloatArray, normals: FloatArray, directions: FloatArray
+) -> RayHits:
+    """Cast rays from points of a surface in the scene's frame, off it on the side of normals."""
+    return _cast(scene, origins + _OFFSET * normals, directions, 2.0 * math.sqrt(3.0))
 
 
 def _points_allowed(mesh: Mesh) -> float:
@@ -226,17 +248,11 @@ class _Votes:
     def of(cls, points: _Points, parts: IntArray, n_parts: int, scene: RayScene) -> _Votes:
         """Cast the rays."""
         random = np.random.Generator(np.random.PCG64(_SEED + 1))
-        n = len(points.parts)
-        z, turn = random.uniform(-1.0, 1.0, n), random.uniform(0.0, 2.0 * math.pi, n)
-        across = np.sqrt(1.0 - z * z)
-        sphere = np.stack([across * pm.cos(turn), across * pm.sin(turn), z], axis=1)
-        directions = points.normals + sphere  # distributed by the cosine
-        directions /= np.maximum(pm.norm(directions, axis=1, keepdims=True), 1e-300)
+        directions = cosine_directions(points.normals, random)
         origins = scene.frame.to_local(points.positions)
         escapes, met = [], []
         for side in (1.0, -1.0):
-            starts = origins + side * _OFFSET * points.normals
-            hits = _cast(scene, starts, side * directions, 2.0 * math.sqrt(3.0))
+            hits = cast_from(scene, origins, side * points.normals, side * directions)
             away = hits.faces == NO_HIT
             escapes.append(np.bincount(points.parts[away], minlength=n_parts).astype(np.int32))
             met.append(np.stack([points.parts[~away], parts[hits.faces[~away]]], axis=1))

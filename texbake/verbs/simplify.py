@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import PROCESS, memory_left
-from texbake.errors import OptionError
+from texbake.errors import OptionError, counted
 from texbake.files import PathLike, appearing_together
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, check_angle, check_target, error_limit
 from texbake.records import dataclass
@@ -30,6 +30,10 @@ _WHOLE = (
     "{mesh} was read whole, which exceeds `max_memory`: only binary PLY and STL files without "
     "texture coordinates, simplified to a small share of their triangles and without `error`, can "
     "be read in pieces"
+)
+_NOT_WHOLE = (
+    "drop_hidden: {mesh} is read in pieces, and which faces are hidden shows only where all of it "
+    "is in memory; leave it out"
 )
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
@@ -114,11 +118,18 @@ def simplify_levels(
         check_target(count, options.error)
         check_mesh(output)
     read, materials, source = _read(mesh, levels, options, threads, progress)
+    notes: tuple[str, ...] = ()
+    n_faces = read.n_faces
+    if options.drop_hidden:
+        if source is not None:
+            raise OptionError(_NOT_WHOLE.format(mesh=Path(mesh).name))
+        with Stages(progress).stage("find hidden faces"):
+            read, materials, notes = _without_hidden(read, materials, threads)
     if options.join_objects:
         read = joined_objects(read)
     with Stages(progress).stage("find outside"):
         high, turned = oriented(read, options.orientation, threads=threads)
-    notes = turned.notes
+    notes = (*notes, *turned.notes)
     if options.max_memory is not None and source is None and read.n_faces > _most(options):
         notes = (*notes, _WHOLE.format(mesh=Path(mesh).name))
     results = []
@@ -126,6 +137,8 @@ def simplify_levels(
         # Each from the mesh itself: the errors of levels made from one another add up.
         level = _level(high, source, materials, count, output, options, mtl, threads, progress)
         figures = replace(level.report, notes=(*notes, *level.report.notes))
+        if source is None:
+            figures = replace(figures, n_faces_before=n_faces)
         results.append(replace(level, report=figures, warnings=(*figures.notes, *level.warnings)))
     return results
 
@@ -159,6 +172,20 @@ def _read(
                 return reduced.mesh, MeshFileMaterials.read(path, reduced.mesh), reduced
     mesh, materials = read_with_materials(path, progress)
     return with_poses(mesh, materials.rig), materials, None
+
+
+def _without_hidden(
+    mesh: Mesh, materials: MeshFileMaterials, threads: int | None
+) -> tuple[Mesh, MeshFileMaterials, tuple[str, ...]]:
+    """Return a mesh and its materials without faces that nobody sees, and a note."""
+    from texbake.mesh.compose import excerpt
+    from texbake.raycast.hidden_faces import hidden_faces
+
+    hidden = hidden_faces(mesh, materials.opaque(mesh.n_faces), threads=threads)
+    if not hidden.any():
+        return mesh, materials, (f"{mesh.name}: no triangle is hidden",)
+    note = f"{mesh.name}: dropped {counted(int(hidden.sum()), 'triangle')} that other parts hide"
+    return excerpt(mesh, ~hidden), materials.of_faces(~hidden), (note,)
 
 
 def _most(options: SimplifyOptions) -> int:
