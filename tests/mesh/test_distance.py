@@ -6,7 +6,7 @@ import pytest
 from tests.models import moved
 from texbake.core import core
 from texbake.errors import OptionError
-from texbake.mesh.distance import sample_surface, surface_distance
+from texbake.mesh.distance import rms_distance, sample_surface, surface_distance
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.triangle_tree import TriangleTree
@@ -58,6 +58,12 @@ def test_threads_change_nothing_and_seeds_do():
     one = surface_distance(a, b, n_samples=30_000, threads=1)
     assert surface_distance(a, b, n_samples=30_000, threads=3) == one
     assert surface_distance(a, b, n_samples=30_000, seed=1) != one
+
+
+def test_the_rms_distance_alone_is_the_same():
+    for a, b in ((uv_sphere(20, 40), cube()), (moved(cube(), by=(1e6, 0.0, 0.0)), icosphere(2))):
+        whole = surface_distance(a, b, n_samples=2_000, threads=1)
+        assert rms_distance(a, b, n_samples=2_000) == whole.rms
 
 
 def test_the_error_of_the_rms_distance_covers_it():

@@ -177,6 +177,34 @@ def distance_to(mesh: Mesh, target: Mesh, *, threads: int | None = None) -> OneS
     return _one_sided(frame, (mesh, target), places, REPORTED_SAMPLES, 0, threads)
 
 
+def rms_distance(
+    a: Mesh, b: Mesh, *, n_samples: int = _DEFAULT_SAMPLES, threads: int | None = None
+) -> float:
+    """Return what `surface_distance(a, b).rms` is, and measure nothing else."""
+    frame = LocalFrame.around(a, b)
+    places = frame.to_local(a.positions), frame.to_local(b.positions)
+    sides = ((a, b), places), ((b, a), places[::-1])
+    squares = (np.square(_sampled(*side, n_samples, 0, threads)[2]).mean() for side in sides)
+    return float(frame.length_to_model(np.sqrt(max(squares))))
+
+
+def _sampled(
+    meshes: tuple[Mesh, Mesh],
+    places: tuple[FloatArray, FloatArray],
+    n_samples: int,
+    seed: int,
+    threads: int | None,
+) -> tuple[TriangleTree, IntArray, FloatArray]:
+    """The tree of the second mesh, faces of samples of the first, and the distances of those."""
+    (positions, to_positions), faces = places, meshes[0].faces
+    tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
+    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
+    n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
+    face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
+    samples = _points_on(positions, faces, face_ids, barycentrics)
+    return tree, face_ids, tree.closest_points(samples, threads=threads)[0]
+
+
 def _one_sided(
     frame: LocalFrame,
     meshes: tuple[Mesh, Mesh],
@@ -186,13 +214,9 @@ def _one_sided(
     threads: int | None,
 ) -> OneSidedDistance:
     """From the first mesh to the second, whose positions in the frame are `places`."""
-    (positions, to_positions), faces = places, meshes[0].faces
-    tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
-    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
-    n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
-    face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
-    samples = _points_on(positions, faces, face_ids, barycentrics)
-    of_samples, _, _ = tree.closest_points(samples, threads=threads)
+    positions, faces = places[0], meshes[0].faces
+    tree, face_ids, of_samples = _sampled(meshes, places, n_samples, seed, threads)
+    n = len(face_ids)
     vertices = _some_vertices(positions, faces, n)
     of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
     farthest = np.argsort(-of_samples, kind="stable")[:_FARTHEST]

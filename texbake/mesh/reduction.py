@@ -31,7 +31,7 @@ from texbake.mesh.decimate import (
     with_three_places,
     without_small_parts,
 )
-from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.distance import SurfaceDistance, rms_distance
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
@@ -170,7 +170,7 @@ def _gathered(
 
 
 def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> float:
-    return surface_distance(mesh, low, n_samples=_COMPARED, threads=threads).rms
+    return rms_distance(mesh, low, n_samples=_COMPARED, threads=threads)
 
 
 def noted(result: Reduction, note: str) -> Reduction:
