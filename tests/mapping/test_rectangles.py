@@ -8,7 +8,8 @@ import pytest
 import texbake as tb
 from texbake.core import core
 from texbake.errors import OptionError
-from texbake.mapping.atlas.rectangles import MOST_L2
+from texbake.mapping.atlas.cutting.cut import surface_of
+from texbake.mapping.atlas.rectangles import MOST_L2, tube_charts
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
@@ -106,6 +107,18 @@ def test_tubes_are_cut_open_whole(quality, bend):
     assert l2(flat) < MOST_L2
 
 
+def test_a_pipe_between_caps_is_a_tube_and_a_flat_ring_is_none():
+    capped = tb.make("cylinder", sides=24, caps=True, height=4.0).replace(uvs=None, uv_faces=None)
+    flat = tb.unwrap(capped, straighten=True)
+    sizes = np.bincount(chart_ids(flat))
+    assert sorted(sizes.tolist()) == [24, 24, 48]
+    assert np.isclose(box_fill(flat)[sizes.argmax()], 1.0)
+    ring = sector(2.0 * np.pi, 0.5)
+    points, joined = np.unique(ring.positions.round(9), axis=0, return_inverse=True)
+    ring = tb.Mesh(positions=points, faces=joined.ravel()[ring.faces], name="ring")
+    assert tube_charts(surface_of(ring), MOST_L2) == []
+
+
 def test_a_ribbon_is_unrolled_whole():
     flat = tb.unwrap(sector(1.5, 0.1), straighten=True)
     assert chart_ids(flat).max() + 1 == np.ceil(1.5 / np.sqrt(0.15) / 1.15)
@@ -116,7 +129,9 @@ def test_other_parts_beside_a_tube_are_cut_as_ever():
     tube, ball = pipe(1.5)[0], icosphere(2)
     both = join_meshes([ball, tube])
     flat = tb.unwrap(both, straighten=True)
-    assert chart_ids(flat).max() == chart_ids(tb.unwrap(ball)).max() + 1
+    ids = chart_ids(flat)
+    assert len(set(ids[ball.n_faces :])) == 1
+    assert not np.isin(ids[: ball.n_faces], ids[-1]).any()
     assert (signed_areas(flat.corner_uvs()) > 0.0).all()
     assert not find_overlaps(flat.corner_uvs()).overlapping.any()
 

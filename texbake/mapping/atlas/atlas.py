@@ -43,6 +43,7 @@ from texbake.mapping.atlas.mirrored_charts import (
 )
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts, upright_tiles
 from texbake.mapping.atlas.rectangles import MOST_L2, tube_charts, with_rectangles
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.options import UnwrapOptions, fitting_padding
 from texbake.mapping.seams import regions_between
 from texbake.mesh.compose import offset_joined
@@ -232,11 +233,13 @@ def _make_charts(
     pieces = []
     if len(isolated):
         pieces.append((isolated, single_face_charts(surface.points, mesh.faces[isolated])))
-    if options.straighten and surface.seams is None and options.symmetry != "overlap":
+    is_free = surface.seams is None and protected is None and options.symmetry != "overlap"
+    if options.straighten and is_free:
         with stages.stage("unroll tubes"):
             tubes = tube_charts(surface, min(MOST_L2, options.max_stretch or MOST_L2))
         others = np.setdiff1d(others, np.concatenate([others[:0], *(ids for ids, _ in tubes)]))
-        pieces += tubes
+        area = float(surface_areas(surface.points[surface.faces]).sum())
+        pieces, surface = pieces + tubes, replace(surface, area=area)
     if not pieces:
         charts = _connected_charts(mesh, surface, options, stages)
     else:
@@ -248,10 +251,8 @@ def _make_charts(
         charts = gather_charts(mesh.faces, pieces)
     if protected is not None:
         charts = with_cuts_noted(surface, charts, protected)
-    if not n_within:
-        return charts
     note = f"{n_within:,} hard edges have no seam, because they end within a chart"
-    return replace(charts, notes=(*charts.notes, note))
+    return replace(charts, notes=(*charts.notes, note)) if n_within else charts
 
 
 def _surface(
@@ -328,6 +329,7 @@ def _cut(
             weights=weights,
             quality=options.quality,
             method=options.charts,
+            area=surface.area,
             timeout=options.timeout,
             advance=advance,
         )

@@ -31,6 +31,8 @@ class ChartSurface:
     polygons: IntArray | None = None  # (F,) int32; triangles of one stay together if they can
     regions: IntArray | None = None  # (F,) int32; faces of different ones share no chart
     seams: BoolArray | None = None  # (F, 3); the only edges along which charts are cut
+    # Area of all charts; None for that of the faces, which are the whole surface then.
+    area: float | None = None
     threads: int | None = None
 
     @cached_property

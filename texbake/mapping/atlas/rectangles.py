@@ -19,7 +19,7 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.cutting.body import cut_tube_open
-from texbake.mapping.atlas.cutting.parts import connected_parts, split_parts
+from texbake.mapping.atlas.cutting.parts import Part, connected_parts, split_parts
 from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -37,6 +37,8 @@ MOST_L2 = 1.1  # stretch of a rectangle, at most
 # or it would set the scale of all others.
 _LONGEST = 1.15
 _FEW = 6  # faces of a tube, at least
+_HARD = 0.5  # cosine of the angle between faces at a hard edge, 60° or more
+_FLAT = 0.5  # share of the normals of a ring that do not cancel, at most
 _SLIGHT = 1e-6  # of its bounding box, that a rectangle may leave empty
 _ROUNDING = 1e-9  # of places on a side of a rectangle, as a share of its width
 _LEAST_ASPECT = 1.5  # length of a strip in its widths
@@ -87,35 +89,59 @@ def with_rectangles(
 
 
 def tube_charts(surface: ChartSurface, most_l2: float) -> list[tuple[IntArray, Charts]]:
-    """Faces (m,) and charts of parts that are tubes, tori or long strips, as rectangles."""
+    """Faces (m,) and charts of parts that are tubes, tori or long strips, as rectangles.
+
+    Tubes may also lie between hard edges, as a pipe between its caps.
+    """
     corners, solid, opposite = surface.joints
     points = surface.points[corners]
-    parts = split_parts(opposite, np.where(solid, connected_parts(opposite), -1))
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    across = normals[opposite // 3]
+    cosines = pm.vecdot(np.repeat(normals, 3, axis=0), across)
+    lengths = pm.norm(normals, axis=1)
+    is_hard = cosines < _HARD * np.repeat(lengths, 3) * lengths[opposite // 3]
+    found: list[tuple[IntArray, Charts]] = []
+    for around, strips in (opposite, True), (np.where(is_hard, -1, opposite), False):
+        parts = split_parts(around, np.where(solid, connected_parts(around), -1))
+        for part, charts in zip(parts, _laid(surface, parts, strips, most_l2), strict=True):
+            if charts is not None:
+                found.append((part.face_ids, charts))
+                solid = solid & ~np.isin(np.arange(len(solid)), part.face_ids)
+    return found
+
+
+def _laid(
+    surface: ChartSurface, parts: list[Part], strips: bool, most_l2: float
+) -> list[Charts | None]:
+    """Charts of parts that are tubes, or long strips too; None for others."""
+    points = surface.points[surface.corners]
     longest = _LONGEST * math.sqrt(float(surface_areas(points).sum()))
     found: list[Charts | None] = [None] * len(parts)
 
     def unroll(first: int, last: int) -> None:
         for number in range(first, last):
-            own = points[parts[number].face_ids]
+            face_ids = parts[number].face_ids
+            own = points[face_ids]
             opened = cut_tube_open(own, parts[number].opposite) if len(own) >= _FEW else None
-            if opened is None:
+            if opened is None or (not strips if opened[2] is None else _is_flat_ring(own)):
                 continue
             faces, first_corners, ends = opened
-            found[number] = _unrolled(
-                own.reshape(-1, 3)[first_corners], faces, ends, most_l2, longest
-            )
+            places = own.reshape(-1, 3)[first_corners]
+            charts = _unrolled(places, faces, ends, most_l2, longest)
+            if charts is not None:
+                mesh_faces = surface.faces[face_ids]
+                found[number] = with_rectangles(
+                    surface.points, mesh_faces, charts, most_l2, least_aspect=1.0, threads=1
+                )
 
     run_bands(unroll, len(parts), band=1, threads=surface.threads)
-    return [
-        (
-            part.face_ids,
-            with_rectangles(
-                surface.points, surface.faces[part.face_ids], charts, most_l2, least_aspect=1.0
-            ),
-        )
-        for part, charts in zip(parts, found, strict=True)
-        if charts is not None
-    ]
+    return found
+
+
+def _is_flat_ring(points: FloatArray) -> bool:
+    """Whether the normals of faces (m, 3, 3) do not cancel, as those of a tube do."""
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    return bool(pm.norm(normals.sum(axis=0)) > _FLAT * pm.norm(normals, axis=1).sum())
 
 
 def _unrolled(
