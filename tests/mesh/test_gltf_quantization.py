@@ -159,3 +159,17 @@ def test_a_compressed_file_is_quantized_unless_told_otherwise(path, sphere):
         assert ("KHR_mesh_quantization" in required) == (quantize is None)
         sizes.append(path.stat().st_size)
     assert sizes[0] < 0.7 * sizes[1]
+
+
+def test_glass_stays_as_thick_in_steps_of_the_file(path, sphere):
+    volume = {"KHR_materials_volume": {"thicknessFactor": 0.5, "attenuationDistance": 2.0}}
+    materials = Materials(
+        face_materials=np.zeros(sphere.n_faces, np.int32),
+        materials=(MeshMaterial(name="glass", extensions=volume),),
+    )
+    write_glb(sphere, path, materials=materials, quantize=True)
+    content = read_document(path).content
+    made = content["materials"][0]["extensions"]["KHR_materials_volume"]
+    thickness = made["thicknessFactor"] * content["nodes"][0]["scale"][0]
+    assert thickness == pytest.approx(0.5, rel=1e-12)  # rounding of a product
+    assert made["attenuationDistance"] == 2.0

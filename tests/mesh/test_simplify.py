@@ -7,6 +7,7 @@ import pytest
 
 from tests.mesh.test_shapes import open_edges, signed_volume
 from tests.models import BROKEN, HAS_REAL, joined, level_surface, model, moved, real, soup_of
+from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.decimate import gather, weld_corners, weld_positions
@@ -21,6 +22,7 @@ from texbake.mesh.piecewise import bring_down
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import Trial, search_fewest, simplify, simplify_with_report
 from texbake.mesh.topology import face_components, find_edges, genus
+from texbake.mesh.triangle_tree import TriangleTree, with_source_normals
 
 BOTH = pytest.mark.parametrize("quality", QUALITIES)
 
@@ -333,6 +335,47 @@ def test_groups_and_colors_follow(quality):
     )
     # float32, and for `best` the nearest point: a vertex may lie off the facets by their sag.
     assert low.colors == pytest.approx(0.5 + 0.5 * low.positions, abs=0.02)
+
+
+def bent_panels(is_cut):
+    """Two flat panels beside a narrow, winding bevel; with normals of their own if it is cut."""
+    n = 96
+    along, across = np.meshgrid(np.linspace(-1.0, 1.0, n + 1), np.linspace(-1.0, 1.0, n + 1))
+    turn = np.clip((across - 0.1 * np.sin(6.0 * along)) / 0.06, -1.0, 1.0) * np.radians(15.0)
+    slopes = np.tan(turn[1:]) + np.tan(turn[:-1])
+    height = np.concatenate([np.zeros((1, n + 1)), -np.cumsum(slopes, axis=0) / n])
+    positions = np.stack([along, across, height], axis=2).reshape(-1, 3)
+    normals = np.stack([0.0 * turn, np.sin(turn), np.cos(turn)], axis=2).reshape(-1, 3)
+    ids = np.arange((n + 1) ** 2).reshape(n + 1, n + 1)
+    a, b, c, d = (ids[i : n + i, j : n + j].ravel() for i, j in ((0, 0), (0, 1), (1, 1), (1, 0)))
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    uvs = positions[:, :2] / 2.0 + 0.5
+    rows = faces
+    if is_cut:
+        is_far = (positions[faces][..., 1].mean(axis=1) > 0.0)[:, np.newaxis]
+        normals = np.concatenate([normals, normals + np.array([0.0, 0.1, 0.0])])
+        rows = np.where(is_far, faces + len(positions), faces)
+    return Mesh(
+        positions=positions, faces=faces, normals=normals, normal_faces=rows, uvs=uvs,
+        uv_faces=faces,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_where_normals_count_a_bevel_keeps_its_edges(is_cut):
+    mesh, off = bent_panels(is_cut), []
+    wanted = mesh.normals[mesh.normal_faces].mean(axis=1)
+    for shades in (False, True):
+        low, _ = simplify_with_report(mesh, 100, quality="best", seams="keep", shades=shades)
+        if shades:
+            assert rows(low.normals) <= rows(mesh.normals)
+        else:
+            low = with_source_normals(low, mesh)
+        tree = TriangleTree.build(low.positions, low.faces)
+        _, nearest, weights = tree.closest_points(mesh.positions[mesh.faces].mean(axis=1))
+        found = pm.vecmat(weights, low.normals[low.normal_faces[nearest]])
+        off.append(np.linalg.norm(found - wanted, axis=1).mean())
+    assert off[1] < 0.8 * off[0]
 
 
 def test_smooth_normals_go_and_the_surface_gives_them_again():

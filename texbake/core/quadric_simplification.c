@@ -9,7 +9,8 @@
    looked at again only when its turn comes: errors hardly ever shrink, so that it cannot come too
    late.
 
-   Of a mesh that bends, the errors in some of its poses are added, each with quadrics of its own.
+   Of a mesh that bends, the errors in some of its poses are added, each with quadrics of its own;
+   and of one that is shaded by its normals, those of the normals.
 
    Errors are divided by the root of the area that they are summed over. That is between the order of
    their sums, in which a hand or an ear goes early because its area is small, and that of their means.
@@ -229,6 +230,40 @@ static inline double error_at(const struct quadric *q, struct vector place)
     return factor_of(q) * quadric_at(q, place);
 }
 
+/* The normals of u and those of v that they become when u goes to v, at a hard edge two of each. */
+static int normal_pairs(const struct simplification *s, int32_t u, int32_t v, int64_t pairs[2][2])
+{
+    const struct corners around = corners_of(&s->mesh, u);
+    const int32_t *row_of = s->attributes.normals.row_of;
+    int n = 0;
+    for (int64_t i = 0; i < around.n && n < 2; i++) {
+        const int32_t corner = around.corners[i];
+        for (int step = 1; step <= 2; step++) {
+            if (vertex_after(&s->mesh, corner, step) != v)
+                continue;
+            const int32_t *wedges = s->mesh.wedges[corner >> 2];
+            pairs[n][0] = row_of[wedges[corner & 3]];
+            pairs[n][1] = row_of[wedges[((corner & 3) + step) % 3]];
+            n += n == 0 || pairs[0][0] != pairs[1][0];
+            break;
+        }
+    }
+    return n;
+}
+
+/* The error of the normals of u once it has gone to v. */
+static double shading_error(const struct simplification *s, int32_t u, int32_t v)
+{
+    int64_t pairs[2][2];
+    const int n = normal_pairs(s, u, v, pairs);
+    double sum = 0.0;
+    for (int i = 0; i < n; i++)
+        sum += normal_error(
+            &s->of_normals[pairs[i][0]], vector_at(s->mesh.points[v]),
+            s->attributes.normals.values + 3 * pairs[i][1]);
+    return factor_of(&s->quadrics[u]) * s->normal_weight * sum;
+}
+
 /* Where u and v meet if they may move, and the error there. */
 static double least_error(
     const double (*points)[4], const struct quadric *quadrics, int32_t u, int32_t v,
@@ -287,7 +322,8 @@ static inline double cost_of(
     if (may_meet(s, u, v))
         return least_error(points, s->quadrics, u, v, place) + posed_error(s, u, v, true);
     *place = vector_at(points[v]);
-    return error_at(&s->quadrics[u], *place) + points[v][3] + posed_error(s, u, v, false);
+    const double shading = s->of_normals == NULL ? 0.0 : shading_error(s, u, v);
+    return error_at(&s->quadrics[u], *place) + points[v][3] + shading + posed_error(s, u, v, false);
 }
 
 /* Whether a collapse is cheaper than another, and comes after a third one. */
@@ -307,7 +343,7 @@ static double choose_target(struct simplification *s, int32_t u, double cost_bef
     int32_t target = -1;
     const struct corners around = may_leave(s, u) ? corners_of(mesh, u) : (struct corners){0};
     const int n_steps = steps_to_neighbors(mesh, u);
-    if (n_steps == 1 && !s->moves && s->n_poses == 0) {
+    if (n_steps == 1 && !s->moves && s->n_poses == 0 && s->of_normals == NULL) {
         const struct quadric quadric = s->quadrics[u];
         const double factor = factor_of(&quadric);
         for (int64_t i = 0; i < around.n; i++) {
@@ -432,6 +468,11 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
         for (int64_t vertex = 0; vertex < n; vertex++)
             points[vertex][3] = error_at(&quadrics[vertex], vector_at(points[vertex]));
     }
+    s->of_normals = NULL;
+    if (s->normal_weight > 0.0) {
+        s->of_normals = take_zeros(arena, s->n_normals, sizeof *s->of_normals);
+        add_face_normals(mesh, &s->attributes.normals, s->of_normals);
+    }
     for (int64_t vertex = 0; vertex < n; vertex++)
         mesh->points[vertex][3] = error_at(
             &s->quadrics[vertex], vector_at(mesh->points[vertex]));
@@ -462,6 +503,15 @@ static double cost_of_places(
         * distance_of_places(&s->mesh, &s->places, s->vertex_ids, u, v, place);
 }
 
+/* Let the normals of u become those of v. */
+static void join_normals(struct simplification *s, int32_t u, int32_t v)
+{
+    int64_t pairs[2][2];
+    const int n = normal_pairs(s, u, v, pairs);
+    for (int i = 0; i < n; i++)
+        add_normal_quadrics(&s->of_normals[pairs[i][1]], &s->of_normals[pairs[i][0]]);
+}
+
 /* Make the cheapest collapse; false where none is possible. */
 bool collapse_cheapest(
     struct simplification *s, int32_t *u, double *cost, struct collapse *collapse)
@@ -484,6 +534,8 @@ bool collapse_cheapest(
                 && carry_attributes(&s->mesh, &s->attributes, *u, v, place, collapse)) {
                 drop_first(s);
                 collapse_poses(s, *u, v, may_meet(s, *u, v));
+                if (s->of_normals != NULL)
+                    join_normals(s, *u, v);
                 collapse_edge(&s->mesh, *u, v, place, collapse);
                 if (s->places.points != NULL)
                     join_places(&s->places, s->vertex_ids[*u], s->vertex_ids[v]);
@@ -601,17 +653,22 @@ static int64_t simplify_from_here(
    shared by vertices, tell which wedges have a value in common.
 
    Each pose has points of all vertices, one after the other: the error is the sum of those at rest
-   and in all poses, so that what bends keeps its edges. They are overwritten. */
+   and in all poses, so that what bends keeps its edges. They are overwritten.
+
+   Where vertices stay, errors of normals count as well, by their squares times a weight. */
 EXPORT int64_t collapse_edges(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, int64_t n_uvs, int64_t n_normals,
     int64_t n_posed,
     const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
     OPTIONAL const int32_t uv_rows[n_wedges], OPTIONAL double uvs[n_uvs][2],
     OPTIONAL const int32_t normal_rows[n_wedges], OPTIONAL double normals[n_normals][3],
-    OPTIONAL double posed[n_posed][3], int64_t n_wanted, bool moves, bool lock_boundary)
+    OPTIONAL double posed[n_posed][3], double normal_weight, int64_t n_wanted, bool moves,
+    bool lock_boundary)
 {
     struct simplification s = {
         .moves = moves,
+        .n_normals = n_normals,
+        .normal_weight = normals && !moves ? normal_weight : 0.0,
         .attributes = {
             .uvs = {uvs ? 2 : 0, uv_rows, (double *)uvs, false},
             .normals = {normals ? 3 : 0, normal_rows, (double *)normals, true}}};

@@ -207,6 +207,21 @@ double distance_of_places(
     const struct collapsible_mesh *mesh, const struct carried_places *places,
     const int32_t *vertex_ids, int32_t u, int32_t v, struct vector meeting);
 
+/* normal_quadrics.c */
+
+/* Sums over faces of a weight, and of their normals as functions g p + d: of the functions, and of
+   their squares. */
+struct normal_quadric {
+    struct quadric squares;
+    double sums[3][4], weight;
+};
+
+void add_face_normals(
+    const struct collapsible_mesh *mesh, const struct attribute *attribute,
+    struct normal_quadric *quadrics);
+void add_normal_quadrics(struct normal_quadric *to, const struct normal_quadric *added);
+double normal_error(const struct normal_quadric *q, struct vector p, const double *normal);
+
 /* quadric_simplification.c */
 
 struct waiting {
@@ -228,6 +243,9 @@ struct simplification {
     bool moves; /* vertices go to the place of least error, else one end of the edge stays */
     uint8_t *n_wedges; /* of each vertex that may move: 1, 2 at a seam, and 3 for more */
     struct quadric *quadrics;
+    struct normal_quadric *of_normals; /* of each row; NULL where they do not count */
+    int64_t n_normals;
+    double normal_weight; /* square of the distance that counts as much as a radian */
     struct quadric *so_far; /* of all vertices when the errors started again; NULL if they never do */
     int32_t *vertex_ids; /* which of those the vertices of the mesh are */
     int32_t *targets; /* of each vertex's cheapest collapse, -1 for none */

@@ -122,6 +122,8 @@ class Source:
             compress=options.compress,
             quantize=options.quantize,
             rig=rig,
+            # What is baked, programs shall not read in another way.
+            tangents=self.mesh.tangents is not None or light_model.baked is not None,
         )
         return rig
 
@@ -160,7 +162,7 @@ class Source:
                 partition = MaterialPartition.of(high, file)
                 enlarged = EnlargedParts.of(partition.mesh, threads=threads)
                 low, report = simplify_with_report(
-                    enlarged.mesh, n_faces, quality=options.quality, seams="keep",
+                    enlarged.mesh, n_faces, quality=options.quality, seams="keep", shades=True,
                     threads=threads, progress=self.progress,
                 )  # fmt: skip
                 low, report = enlarged.restored(low, report, threads=threads)
@@ -169,7 +171,7 @@ class Source:
                 warnings = (
                     *warnings, *report.notes, *layout_notes(low, high, threads=threads),
                 )  # fmt: skip
-                if rule.choice == "auto":
+                if rule.choice == "auto" and low.normals is None:
                     low = with_source_normals(low, high, threads=threads)
             if rule.choice != "auto":
                 low = with_normals(low, rule.choice, angle=rule.angle)

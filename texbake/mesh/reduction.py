@@ -75,8 +75,19 @@ class Reduction:
     distance: SurfaceDistance | None = None  # where it was measured
 
 
-def reduced(mesh: Mesh, n_faces: int, options: SimplifyOptions, threads: int | None) -> Reduction:
-    """Return a mesh reduced to a number of faces, or to as few as are possible."""
+def reduced(
+    mesh: Mesh,
+    n_faces: int,
+    options: SimplifyOptions,
+    threads: int | None,
+    *,
+    shades: bool = False,
+) -> Reduction:
+    """Return a mesh reduced to a number of faces, or to as few as are possible.
+
+    If it `shades`, changes of the mesh's own normals count as well, and those that are left stay
+    as they are. Vertices stay where they are: pictures are closer than of moved ones.
+    """
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
@@ -85,13 +96,14 @@ def reduced(mesh: Mesh, n_faces: int, options: SimplifyOptions, threads: int | N
     if _is_without_charts(mesh):
         low = reduced(mesh.replace(uvs=None, uv_faces=None), n_faces, options, threads)
         return noted(low, "its texture coordinates, where no face has an area, were left out")
-    start = bring_down(weld_corners(mesh, threads=threads), n_faces, threads=threads)
+    stream = weld_corners(mesh, shades=shades, threads=threads)
+    start = bring_down(stream, n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"
         )
     result = _fast(mesh, start, n_faces, options.seams, threads)
-    if options.quality == "best":
+    if options.quality == "best" and start.normals is None:
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
     if note is not None:

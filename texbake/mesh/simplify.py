@@ -167,15 +167,19 @@ def simplify_with_report(
     quality: str = SimplifyOptions.quality,
     seams: str = SimplifyOptions.seams,
     source: ReducedMesh | None = None,
+    shades: bool = False,
     progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
-    """Simplify, and report the method and the distance, from `source` if it was reduced."""
+    """Simplify, and report the method and the distance, from `source` if it was reduced.
+
+    If it `shades`, the mesh's own normals count as well, and stay.
+    """
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
     options = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams)
-    result = _simplified(mesh, options, stages, threads)
+    result = _simplified(mesh, options, stages, threads, shades)
     seconds = time.perf_counter() - start
     low, distance = result.mesh, result.distance
     if distance is None:
@@ -232,7 +236,7 @@ def check_count(n_faces: int, n_asked: int | None, name: str, remedy: str) -> No
 
 
 def _simplified(
-    mesh: Mesh, options: SimplifyOptions, stages: Stages, threads: int | None
+    mesh: Mesh, options: SimplifyOptions, stages: Stages, threads: int | None, shades: bool = False
 ) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
     n_faces, limit = options.n_faces, error_limit(options.error, mesh.diagonal)
@@ -247,7 +251,7 @@ def _simplified(
         if limit is not None:
             return _simplify_within(mesh, limit, options, threads)
         assert n_faces is not None
-        return reduced(mesh, n_faces, options, threads)
+        return reduced(mesh, n_faces, options, threads, shades=shades)
 
 
 def _unchanged(mesh: Mesh, note: str) -> Reduction:

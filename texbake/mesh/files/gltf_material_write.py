@@ -46,8 +46,12 @@ def add_material(
     material: MeshMaterial,
     numbers: Mapping[int, int],
     uv_matrices: Mapping[int, FloatArray],
+    units: float = 1.0,
 ) -> int:
-    """Add a material with its textures, and return its index."""
+    """Add a material with its textures, and return its index.
+
+    One unit of the material's lengths is so many `units` of the mesh in the file.
+    """
     extensions: dict[str, Any] = {}
     content: dict[str, Any] = {"name": as_text(material.name), "pbrMetallicRoughness": {}}
     for slot in SLOTS:
@@ -79,7 +83,7 @@ def add_material(
         extensions[name] = {
             key: _placed_texture(asset, material, value, numbers, uv_matrices)
             if isinstance(value, ChannelImage)
-            else value
+            else (units * value if key == "thicknessFactor" else value)
             for key, value in properties.items()
         }
     if extensions:

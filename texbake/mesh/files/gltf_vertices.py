@@ -76,6 +76,7 @@ class CornerVertices:
     origin: FloatArray  # (3,) float64; of the positions that are written
     materials: Materials | None = None  # of the faces; None where they have none of their own
     quantization: Quantization | None = None  # of the file; None for float32
+    may_have_tangents: bool = True
     _tangents: dict[tuple[int, Placing], Float32Array] = field(default_factory=dict)
 
     def stream(
@@ -137,7 +138,7 @@ class CornerVertices:
                 u, v = item.uvs[item.faces[faces].ravel()].T
                 further = np.stack([u, 1.0 - v], axis=1).astype(np.float32)
                 columns.setdefault(f"TEXCOORD_{number}", further)
-            if self._has_normal_map:
+            if self._has_tangents:
                 tangents = self._tangents_for(*self._normal_map_place(material))
                 columns["TANGENT"] = _sound_tangents(
                     tangents[faces].reshape(-1, 4), columns["NORMAL"].astype(np.float64)
@@ -280,8 +281,10 @@ class CornerVertices:
         return {"extras": extras} if extras else {}
 
     @cached_property
-    def _has_normal_map(self) -> bool:
-        """Whether any material has one, or may have; a mesh has tangents everywhere or nowhere."""
+    def _has_tangents(self) -> bool:
+        """Whether any material has a normal map, or may; all of a mesh has tangents or nothing."""
+        if not self.may_have_tangents:
+            return False
         if self.materials is None:
             return True
         return any(self.materials.sources("normal"))

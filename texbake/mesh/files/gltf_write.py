@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import far_origin, float32_positions, require_uvs
@@ -58,11 +59,12 @@ def write_glb(
     compress: bool | None = None,
     quantize: bool | None = None,
     rig: Rig | None = None,
+    tangents: bool = True,
 ) -> None:
     """Write a mesh as binary glTF with PNG or JPEG textures as they are, normals in +Y.
 
     If the objects of a `rig` are those of the mesh, they are written on its nodes, with skins and
-    animations.
+    animations. Without `tangents`, readers compute those of normal maps.
     """
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]
@@ -83,15 +85,15 @@ def write_glb(
             name, normal_map=normal_map, base_color=base_color, orm=orm, emissive=emissive
         )
     if rig is not None and len(meshes) == 1 and rig.fits(mesh):
-        _add_objects(asset, mesh, name, materials, quantization, rig)
+        _add_objects(asset, mesh, name, materials, quantization, rig, tangents)
     elif len(meshes) == 1:
-        for node in _add_groups(asset, mesh, name, materials, quantization):
+        for node in _add_groups(asset, mesh, name, materials, quantization, tangents):
             asset.place(node)
     else:
         nodes = []
         for number, level in enumerate(meshes):
             label = f"{name}_LOD{number}"
-            children = _add_groups(asset, level, label, None, quantization)
+            children = _add_groups(asset, level, label, None, quantization, tangents)
             nodes.append(asset.add_node(label, children=children))
         asset.place(nodes[0])
         asset.set_levels(nodes[0], nodes[1:], shares)
@@ -132,11 +134,12 @@ def _add_groups(
     name: str,
     materials: Materials | None,
     quantization: Quantization | None,
+    tangents: bool,
 ) -> list[int]:
     """Add each group as a mesh and a node, with a primitive for each material; return the nodes."""
     origin = far_origin(mesh)
     float32_positions(mesh, origin)  # raises where it does not hold them
-    vertices = CornerVertices(mesh, origin, materials, quantization)
+    vertices = CornerVertices(mesh, origin, materials, quantization, tangents)
     writer = _PrimitiveWriter(asset, vertices)
     place: dict[str, Any] = {"translation": origin.tolist()} if origin.any() else {}
     if quantization is not None:
@@ -155,9 +158,10 @@ def _add_objects(
     materials: Materials | None,
     quantization: Quantization | None,
     rig: Rig,
+    tangents: bool,
 ) -> None:
     """Add each object of a rig as the mesh of its node, a primitive per group and material."""
-    vertices = CornerVertices(mesh, np.zeros(3), materials, quantization)
+    vertices = CornerVertices(mesh, np.zeros(3), materials, quantization, tangents)
     writer, places = _PrimitiveWriter(asset, vertices), RigWriter(asset, rig, quantization)
     extras = vertices.uv_set_names().get("extras", {})
     objects: dict[int, tuple[RigObject, str, list[npt.NDArray[np.intp]]]] = {}
@@ -199,19 +203,28 @@ class _PrimitiveWriter:
         asset, part = self.asset, faces[self._ids[faces] == number]
         with np.errstate(over="ignore"):
             found = self.vertices.stream(part, number, compress=asset.is_compressed, frame=frame)
-        primitive = asset.add_primitive(found.columns, found.indices, self._material(number))
+        primitive = asset.add_primitive(found.columns, found.indices, self._material(number, frame))
         if found.morphs:
             primitive["targets"] = [asset.add_morph(columns) for columns in found.morphs]
         return primitive
 
-    def _material(self, number: int) -> int:
+    def _material(self, number: int, frame: Frame | None) -> int:
         """Index of a material in the file, which it is written to when it is first used."""
-        materials = self.vertices.materials
+        materials, units = self.vertices.materials, 1.0
+        if self.vertices.quantization is not None and (frame is None or frame.is_rigid):
+            # Units of the node are those of the material, and are replaced by steps.
+            units = _node_unit(frame) / self.vertices.quantization.positions.step
         if number not in self._written and materials is not None:
             self._written[number] = add_material(
-                self.asset, materials.materials[number], self._numbers, self._uv_matrices
+                self.asset, materials.materials[number], self._numbers, self._uv_matrices, units
             )
         return self._written[number]
+
+
+def _node_unit(frame: Frame | None) -> float:
+    """Length in the scene of a unit of a node, in the mean over its axes."""
+    volume = 1.0 if frame is None else abs(float(pm.det(frame.linear)))
+    return float(pm.power(volume, -1.0 / 3.0)) if volume > 0.0 else 1.0
 
 
 def _groups(mesh: Mesh, name: str) -> Iterator[tuple[int, str, npt.NDArray[np.intp]]]:
