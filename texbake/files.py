@@ -98,7 +98,7 @@ def read_whole(path: PathLike, read: Callable[[Path], Content]) -> Content:
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
     if len(content) == 0:
-        raise FileFormatError(f"{path}: the file is empty; write it again")
+        raise FileFormatError(f"{path}: the file is empty")
     return content
 
 

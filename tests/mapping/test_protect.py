@@ -3,7 +3,7 @@ import pytest
 
 import texbake as tb
 from texbake.errors import FileFormatError, OptionError
-from texbake.mapping.marked_seams import faces_at
+from texbake.jobs.painted_faces import protected_at
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap_with_report
@@ -41,17 +41,30 @@ def test_no_seam_cuts_protected_faces(quality):
 def test_protected_faces_that_cannot_be_laid_flat_are_cut_and_named():
     mesh = icosphere(3)
     _, report = unwrap_with_report(mesh, protect=np.arange(mesh.n_faces))
-    assert "of protected faces had to be cut" in " ".join(report.notes)
+    assert "edges between protected faces are cut to lay them flat" in " ".join(report.notes)
+    _, report = unwrap_with_report(mesh, protect=cap(mesh), max_stretch=1.0001)
+    assert "are cut to keep within `max_stretch`" in " ".join(report.notes)
+
+
+def test_seams_that_protected_faces_keep_are_counted():
+    mesh = icosphere(3)
+    faces = cap(mesh)
+    kept, report = unwrap_with_report(tb.unwrap(mesh), protect=faces, keep_seams=True)
+    n_cut = inner_seams(kept, faces) // 2
+    assert n_cut
+    (note,) = report.notes
+    assert note.startswith(f"{n_cut} edges between protected faces are at a marked seam")
 
 
 def test_faces_of_a_file_are_found_where_they_are(tmp_path):
     mesh = icosphere(3)
     faces = cap(mesh)
     tb.write_mesh(mesh.replace(faces=mesh.faces[faces]), tmp_path / "some.obj")
-    assert np.array_equal(faces_at(tmp_path / "some.obj", mesh), faces)
     moved = mesh.replace(positions=mesh.positions + 5.0)
-    with pytest.raises(FileFormatError, match="none of its faces"):
-        faces_at(tmp_path / "some.obj", moved)
+    found = protected_at(tmp_path / "some.obj", [moved, mesh])
+    assert len(found[0]) == 0 and np.array_equal(found[1], faces)
+    with pytest.raises(FileFormatError, match="none of its faces is a face of"):
+        protected_at(tmp_path / "some.obj", [moved])
 
 
 @pytest.mark.parametrize(
@@ -59,7 +72,8 @@ def test_faces_of_a_file_are_found_where_they_are(tmp_path):
     [
         ([0.5], {}, "pass numbers of faces"),
         ([-1], {}, "a face is -1"),
-        ([0], {"charts": "xatlas"}, "leave out keep and xatlas"),
+        ([0], {"charts": "xatlas"}, "use charts texbake"),
+        ([0], {"symmetry": "overlap"}, "cannot overlap; use auto or off"),
         ([0], {"method": "planar"}, "has no seams"),
     ],
 )

@@ -292,7 +292,7 @@ def test_seams_are_kept_or_dropped_as_asked(quality):
     mesh = mesh.replace(uvs=uvs, uv_faces=np.arange(3 * mesh.n_faces).reshape(-1, 3))
     auto, of_auto = simplify_with_report(mesh, 100, quality=quality)
     assert auto.n_faces == 100 and auto.uvs is None
-    assert of_auto.notes == ("too few faces to keep its texture coordinates",)
+    assert of_auto.notes == ("too few faces to keep the texture coordinates",)
     kept, of_kept = simplify_with_report(mesh, 100, quality=quality, seams="keep")
     assert kept.uvs is not None and kept.n_faces > 100 and not of_kept.reached
     assert of_kept.notes == (
@@ -314,7 +314,7 @@ def test_kept_texture_coordinates_outlive_hard_edges():
     low, report = simplify_with_report(mesh, 100, seams="keep")
     assert (low.n_faces, low.normals) == (100, None)
     assert low.uvs is not None
-    assert report.notes == ("too few faces to keep its hard edges",)
+    assert report.notes == ("too few faces to keep the hard edges",)
 
 
 @BOTH

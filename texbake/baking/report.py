@@ -154,8 +154,14 @@ class BakeReport:
             ),
             (
                 self.faces_without_texel,
-                f"{self.faces_without_texel:,} of {self.n_low_faces:,} triangles own no texel, "
-                f"{counts.faces_without_uv_area:,} of them without area in texture space",
+                f"{self.faces_without_texel:,} of {self.n_low_faces:,} triangles "
+                + ("owns" if self.faces_without_texel == 1 else "own")
+                + " no texel"
+                + (
+                    f", {counts.faces_without_uv_area:,} of them without area in texture space"
+                    if counts.faces_without_uv_area
+                    else ""
+                ),
             ),
             (
                 self.padding_meets,

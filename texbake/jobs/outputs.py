@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from texbake.errors import FileFormatError, OptionError, quoted
+from texbake.errors import FileFormatError, OptionError, counted, quoted
 from texbake.files import PathLike, check_folder, check_writable, replacing
 from texbake.records import dataclass
 
@@ -140,7 +140,7 @@ def triangle_notes(mesh: Mesh, output: PathLike) -> tuple[str, ...]:
     """Say that polygons are written as triangles, if the format of `output` has only those."""
     if mesh.polygon_of is None or Path(output).suffix.lower() not in TRIANGLE_SUFFIXES:
         return ()
-    count = f"{mesh.n_polygons:,} polygons became {mesh.n_faces:,}"
+    count = f"{counted(mesh.n_polygons, 'polygon')} became {mesh.n_faces:,}"
     return (f"{output}: written as triangles: {count}",)
 
 

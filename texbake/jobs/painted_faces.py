@@ -5,11 +5,12 @@ White is 1 and black 0, as the file stores them; what is transparent counts as b
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from texbake.errors import OptionError, UvError
+from texbake.errors import FileFormatError, OptionError, UvError
 from texbake.files import PathLike
 from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, Mesh
 
@@ -28,14 +29,22 @@ def importance_at(source: PathLike, mesh: Mesh) -> FloatArray:
     return np.asarray(_gray(mesh.colors.astype(np.float64))[mesh.faces].mean(axis=1))
 
 
-def protected_at(source: PathLike, mesh: Mesh) -> Int64Array:
-    """(n,) faces of the mesh that lie where those of a mesh file do, or that an image paints."""
+def protected_at(source: PathLike, meshes: Sequence[Mesh]) -> list[Int64Array]:
+    """(n,) faces of each mesh that lie where those of a mesh file do, or that an image paints."""
     from texbake.mapping.marked_seams import faces_at
-    from texbake.mesh.files import MESH_SUFFIXES
+    from texbake.mesh.files import MESH_SUFFIXES, read_mesh
 
-    if Path(source).suffix.lower() in MESH_SUFFIXES:
-        return faces_at(source, mesh)
-    return np.flatnonzero(_painted(source, mesh, "protect") > 0.5)
+    if Path(source).suffix.lower() not in MESH_SUFFIXES:
+        return [np.flatnonzero(_painted(source, mesh, "protect") > 0.5) for mesh in meshes]
+    marked = read_mesh(source)
+    found = [faces_at(marked, mesh) for mesh in meshes]
+    if not any(map(len, found)):
+        named = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
+        raise FileFormatError(
+            f"{source}: none of its faces is a face of {named}; export the protected faces from "
+            "the mesh, without moving them"
+        )
+    return found
 
 
 def _painted(path: PathLike, mesh: Mesh, option: str) -> FloatArray:

@@ -16,7 +16,6 @@ from texbake.errors import FileFormatError, OptionError
 from texbake.files import PathLike
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import seam_edges
-from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import TextLine, parse_row, read_lines
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.interchange import plain_array
@@ -38,6 +37,8 @@ def cuts_of(
         raise OptionError("seams: charts that are kept are not cut; leave it out, or `keep`")
     if options.charts == "xatlas":
         raise OptionError("seams: xatlas does not follow given seams; use charts texbake")
+    if options.symmetry == "overlap":
+        raise OptionError("symmetry: overlap is for seams that texbake chooses; use auto or off")
     return marked_edges(mesh, edges, keep=options.keep_seams)[faces]
 
 
@@ -48,7 +49,11 @@ def protected_of(
     if numbers is None:
         return None
     if options.keep or options.charts == "xatlas":
-        raise OptionError("protect: it is for charts that texbake cuts; leave out keep and xatlas")
+        raise OptionError(
+            "protect: it is for charts that texbake cuts; leave out `keep`, and use charts texbake"
+        )
+    if options.symmetry == "overlap":
+        raise OptionError("symmetry: charts with protected faces cannot overlap; use auto or off")
     marked = np.zeros(mesh.n_faces, dtype=np.bool_)
     marked[_checked(numbers, "protect", mesh, "face")] = True
     return marked[faces]
@@ -137,21 +142,14 @@ def read_seams(path: PathLike, mesh: Mesh) -> Int64Array:
     return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
-def faces_at(path: PathLike, mesh: Mesh) -> Int64Array:
-    """(n,) faces of a mesh that lie where faces of a mesh file do."""
-    marked = read_mesh(path)
+def faces_at(marked: Mesh, mesh: Mesh) -> Int64Array:
+    """(n,) faces of a mesh that lie where faces of another do."""
     grid = UnitGrid.around(mesh)
     points = np.concatenate([grid.to_grid(each.positions, _CELLS) for each in (mesh, marked)])
     places = weld_rows(points)
     corners = np.concatenate([places[mesh.faces], places[marked.faces + len(mesh.positions)]])
     numbers = unique_rows(np.sort(corners, axis=1))[1]
-    found = np.flatnonzero(np.isin(numbers[: mesh.n_faces], numbers[mesh.n_faces :]))
-    if len(found) == 0:
-        raise FileFormatError(
-            f"{path}: none of its faces is one of {mesh.name}; write some faces of that mesh, "
-            "where they are"
-        )
-    return found
+    return np.flatnonzero(np.isin(numbers[: mesh.n_faces], numbers[mesh.n_faces :]))
 
 
 def _read_lines(path: PathLike) -> tuple[FloatArray, list[tuple[int, IntArray]]]:

@@ -42,7 +42,7 @@ from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_gro
 from texbake.mesh.weld import later_copies, unique_rows
 from texbake.records import dataclass
 
-_GIVEN_UP = "too few faces to keep its"
+_GIVEN_UP = "too few faces to keep the"
 
 _DROPPED = "small separate parts were dropped"
 
@@ -274,7 +274,8 @@ def _seams(stream: VertexStream) -> str:
         "hard edges": stream.normal_ids,
         "borders of groups or materials": stream.group_ids,
     }
-    return " and ".join(name for name, ids in names.items() if ids is not None)
+    *others, last = (name for name, ids in names.items() if ids is not None)
+    return f"{', '.join(others)} and {last}" if others else last
 
 
 def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Mesh | None:

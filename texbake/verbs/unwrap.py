@@ -178,7 +178,7 @@ def unwrap_files(
         check_uv_set(outputs)
     read = [read_mesh(path, progress=progress) for path in sources]
     marked = None if seams is None else [read_seams(seams, mesh) for mesh in read]
-    kept = None if protect is None else [protected_at(protect, mesh) for mesh in read]
+    kept = None if protect is None else protected_at(protect, read)
     valued = None if importance is None else [importance_at(importance, mesh) for mesh in read]
     results = unwrap_together(
         read,

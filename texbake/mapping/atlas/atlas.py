@@ -250,7 +250,8 @@ def _make_charts(
                 pieces.append((others, connected))
         charts = gather_charts(mesh.faces, pieces)
     if protected is not None:
-        charts = with_cuts_noted(surface, charts, protected)
+        why = "lay them flat" if options.max_stretch is None else "keep within `max_stretch`"
+        charts = with_cuts_noted(surface, charts, protected, why=why)
     note = f"{n_within:,} hard edges have no seam, because they end within a chart"
     return replace(charts, notes=(*charts.notes, note)) if n_within else charts
 

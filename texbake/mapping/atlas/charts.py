@@ -17,7 +17,7 @@ from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
-from texbake.mesh.topology import opposite_half_edges
+from texbake.mesh.topology import next_half_edges, opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
@@ -87,13 +87,28 @@ def _inner_edges(surface: ChartSurface, faces: BoolArray) -> tuple[IntArray, Int
     return edges, opposite[edges]
 
 
-def with_cuts_noted(surface: ChartSurface, charts: Charts, faces: BoolArray) -> Charts:
-    """Note how many edges between protected faces (F,) have a chart on each side."""
-    owners = charts.chart_ids[charts.faces[:, 0]]
-    edges, across = _inner_edges(surface, faces & charts.solid)
-    n_cut = int(np.count_nonzero(owners[edges // 3] != owners[across // 3]))
-    note = f"{counted(n_cut, 'edge')} of protected faces had to be cut, to lay them flat"
-    return replace(charts, notes=(*charts.notes, note)) if n_cut else charts
+def with_cuts_noted(
+    surface: ChartSurface, charts: Charts, faces: BoolArray, *, why: str = "lay them flat"
+) -> Charts:
+    """Note how many edges between protected faces (F,) are seams; `why`: of those not asked for."""
+    uncut = replace(surface, seams=None, regions=None)
+    edges, across = _inner_edges(uncut, faces & charts.solid)
+    ends = edges, next_half_edges(edges), next_half_edges(across), across
+    tail, head, other_tail, other_head = (charts.faces.ravel()[each] for each in ends)
+    is_cut = (charts.uvs[tail] != charts.uvs[other_tail]).any(axis=1)
+    is_cut |= (charts.uvs[head] != charts.uvs[other_head]).any(axis=1)
+    is_cut |= charts.chart_ids[tail] != charts.chart_ids[other_tail]
+    is_asked = is_cut & (surface.joints[2][edges] < 0)
+    counts = (
+        (is_asked, "between protected faces {} at a marked seam, a hard edge or another group"),
+        (is_cut & ~is_asked, "between protected faces {} cut to " + why),
+    )
+    notes = [
+        counted(n, "edge ", "edges ") + note.format("is" if n == 1 else "are")
+        for n, note in ((int(np.count_nonzero(cut)), note) for cut, note in counts)
+        if n
+    ]
+    return replace(charts, notes=(*charts.notes, *notes)) if notes else charts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -31,7 +31,7 @@ def open_stage(path: PathLike) -> Any:
     from pxr import Sdf, Usd
 
     if Path(path).stat().st_size == 0:
-        raise FileFormatError(f"{path}: the file is empty; write it again")
+        raise FileFormatError(f"{path}: the file is empty")
     with reporting_damage(path):
         # Not through the registry of layers, which would give what the file held when it was
         # last opened.

@@ -69,7 +69,7 @@ def map_file(path: PathLike) -> MappedFile:
         with Path(path).open("rb") as file:
             pages = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
     except ValueError as error:
-        raise FileFormatError(f"{path}: the file is empty; write it again") from error
+        raise FileFormatError(f"{path}: the file is empty") from error
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror or error}") from error
     return MappedFile(path, np.frombuffer(pages, dtype=np.uint8), pages)

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from texbake.errors import UnwrapError, require_library
+from texbake.errors import UnwrapError, counted, require_library
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.parts import (
     ChartLimits,
@@ -201,7 +201,7 @@ def snap_points(mesh: Mesh) -> FloatArray:
 def _why_nothing(mesh: Mesh) -> str:
     if degenerate_faces(mesh).all():
         return (
-            f"{mesh.name}: none of its {mesh.n_polygons} faces has an area; "
+            f"{mesh.name}: none of its {counted(mesh.n_polygons, 'face')} has an area; "
             "look for the cause with: texbake info"
         )
     return (
