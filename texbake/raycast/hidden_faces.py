@@ -22,7 +22,7 @@ from texbake.raycast.scene import RayScene
 
 _SEED = 20151103
 # Rays from each side of a face, round by round; a visible face needs no further round.
-_ROUNDS = (4, 16, 108)
+_ROUNDS = (4, 12, 48)
 _RAYS_AT_ONCE = 1 << 19
 
 
@@ -47,7 +47,7 @@ def _hidden(
 ) -> BoolArray:
     """Those of the faces asked for from which no ray gets away, and some meet another part."""
     frame = LocalFrame.around(mesh)
-    scene = RayScene.build(excerpt(mesh, is_opaque), frame, threads=threads)
+    scene = RayScene.build(excerpt(mesh, is_opaque), frame, compact=True, threads=threads)
     local = mesh.replace(positions=frame.to_local(mesh.positions))
     parts_of_hits = parts[is_opaque]
     waiting, meets_other = asked.copy(), np.zeros(mesh.n_faces, dtype=np.bool_)
