@@ -291,6 +291,12 @@ def test_a_variable_with_another_value_is_one_line(variable, read, text, monkeyp
         read()
 
 
+def test_an_image_of_no_pixel_is_no_limit(monkeypatch):
+    monkeypatch.setenv(MAX_IMAGE, "0")
+    with pytest.raises(OptionError, match=f"^{MAX_IMAGE}: '0' is not a number of pixels"):
+        require_image_size("a.png", 1, 1, 1)
+
+
 def test_any_number_of_options_may_stand_before_the_name_of_a_map():
     assert map_name("-cc on -s 1 2 wood oak.png") == ("wood oak.png", "repeat")
     assert map_name("-clamp on " * 100 + "a.png") == ("a.png", "clamp")

@@ -96,3 +96,10 @@ def test_the_report_lists_the_colors_of_ids(baked, tmp_path):
     pixels = read_image(tmp_path / "material-id.png", color=False).pixels
     codes = np.unique(np.rint(pixels.reshape(-1, 3) * 255).astype(int), axis=0).tolist()
     assert codes == [color]  # the low-poly ball's charts fill the square
+
+
+def test_a_map_of_rays_that_were_not_kept_is_one_line(baked, tmp_path):
+    result = run("remap", baked / "a.npz", "-o", tmp_path / "maps", "--maps", "ao")
+    assert result.exit_code == 2
+    assert "ao: the kept hits lack the rays for it" in result.output
+    assert not (tmp_path / "maps").exists()

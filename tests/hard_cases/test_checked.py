@@ -3,9 +3,13 @@
 import json
 
 import numpy as np
+import pytest
 from table import PAGE, document
 
 import texbake
+from texbake.errors import MeshError
+from texbake.study.options import StudyOptions
+from texbake.study.study import run_study
 
 # What the checks must report, at least, for the case of this name.
 SAID = {
@@ -67,6 +71,14 @@ def test_every_mesh_is_checked_against_itself(mesh_case, in_cells):
     names = {finding.name for finding in report.findings}
     assert not names & {"differing-scale", "differing-place", "differing-axes", "opposite-sides"}
     assert not names & {"far-from-high", "far-from-low", "other-parts"}
+
+
+def test_a_mesh_that_does_not_show_is_one_clear_error(case_named, in_cells):
+    """A strip of 1 by 1e6 falls between the pixels, so that no picture of it has an error."""
+    mesh = in_cells(case_named("strip of 1 by 1e6"))
+    options = StudyOptions(knobs=("ray-direction",), quick=True, repeats=1, seconds=0.0, threads=1)
+    with pytest.raises(MeshError, match=r"nothing of .* shows"):
+        run_study(mesh, mesh, options=options)
 
 
 def test_the_page_lists_every_case():
