@@ -4,6 +4,8 @@ from html import unescape
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 # A command line, and the sections that its page has.
 BAKED = ("view", "maps", "errors", "distances", "times", "figures", "again")
 LINES = {
