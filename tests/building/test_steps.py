@@ -99,7 +99,7 @@ def test_objects_of_levels_stay_apart_unless_they_are_joined(do, tmp_path, join,
     assert len(set(read_mesh(files["lod0"]).group_objects)) == n_objects
 
 
-def test_a_run_is_that_of_the_command(do, tmp_path):
+def test_a_run_is_that_of_the_command(do, tmp_path, small_pictures):
     write_mesh(icosphere(4), tmp_path / "high.ply")
     given = {"faces": 100, "size": 32, "maps": ("ao",), "levels": (40,), "preset": "unity"}
     files, figures = do("run", given, high=tmp_path / "high.ply")
