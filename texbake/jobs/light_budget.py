@@ -97,10 +97,10 @@ class Budget:
         n = n if options.n_faces is None else min(options.n_faces, n)
         each = _CODED_BYTES if options.compress else _BYTES
         while n > 2 * _LEAST_FACES and n * each > n_bytes:
-            n //= 2
+            n = n * 2 // 3
         found = [n]
         while found[-1] > 2 * _LEAST_FACES and len(found) < _MOST_LEVELS:
-            found.append(found[-1] // 2)
+            found.append(found[-1] * 2 // 3)
         return found
 
     def _trial(self, n_faces: int, n_bytes: int) -> Trial:
