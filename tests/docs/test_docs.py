@@ -14,6 +14,7 @@ from texbake_cli.main import texbake as command_line
 
 import texbake
 from tests.building.conftest import Inline
+from texbake.mapping.corner_uvs import selected
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -64,6 +65,10 @@ def world(tmp_path_factory):
     texbake.write_mesh(low, folder / "low.obj")
     for name in "low_uv.obj", "lod1.obj", "lod2.obj":
         texbake.write_mesh(low_uv, folder / name)
+    texbake.write_mesh(selected(low, np.arange(low.n_faces) < 10), folder / "face.obj")
+    ends = low.positions[low.faces[0, :2]]
+    corners = "".join("v {} {} {}\n".format(*end) for end in ends.tolist())
+    (folder / "seams.obj").write_text(corners + "l 1 2\n")
     for part, kind in (("high", high), ("low", low_uv)):
         mesh = kind.replace(
             group_names=(f"ring_{part}",), face_groups=np.zeros(kind.n_faces, dtype=np.int32)
@@ -71,7 +76,7 @@ def world(tmp_path_factory):
         texbake.write_mesh(mesh, folder / f"parts_{part}.obj")
     rows, columns = np.mgrid[0:32, 0:64] / 64
     picture = np.stack([columns, rows, 0.5 + 0.5 * np.sin(20 * rows * columns)], axis=-1)
-    for name in "photo.png", "a.png", "b.png", "wood.png":
+    for name in "photo.png", "paint.png", "a.png", "b.png", "wood.png":
         texbake.write_image(picture, folder / name, color=True, bits=8)
     for name in "skew.png", "offset.png":
         texbake.write_image(picture[..., :1], folder / name, color=False, bits=8)
