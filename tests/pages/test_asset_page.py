@@ -20,6 +20,8 @@ from texbake.rendering.panels import color_angles
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import write_image
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 READY = "document.querySelector('#view').dataset.state === 'ready'"
 MAPS_READY = "document.querySelector('#maps').dataset.state === 'ready'"
 VIEW, MAP = "#view canvas", "#maps canvas"
