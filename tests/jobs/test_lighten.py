@@ -501,3 +501,17 @@ def test_images_of_one_stem_get_names_of_their_own(tmp_path):
     files = {paint.name: paints[0].data for paint in paints}
     names = [m.channels["base-color"].image.name for m in with_files(materials, files).materials]
     assert names == ["a.png", "a_2.png"]
+
+
+def test_images_of_extensions_are_encoded_as_well(tmp_path):
+    image = picture(tmp_path, "thickness.png", np.full((8, 8, 3), 90, np.uint8))
+    glass = MeshMaterial(
+        name="glass",
+        extensions={"KHR_materials_volume": {"thicknessFactor": 2.0, "thicknessTexture": image}},
+    )
+    materials = Materials(face_materials=np.zeros(1, np.int32), materials=(glass,))
+    (found,) = pictures_of(materials)
+    assert not found.is_color and np.array_equal(found.codes, np.full((8, 8, 3), 90))
+    (made,) = with_files(materials, {"thickness.png": b"new"}).materials
+    volume = made.extensions["KHR_materials_volume"]
+    assert volume["thicknessFactor"] == 2.0 and volume["thicknessTexture"].data == b"new"

@@ -133,11 +133,15 @@ def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Pi
     found: dict[str, Picture] = {}
     cut = _cut_images(materials)
     for material in materials.materials:
-        for channel, source in material.channels.items():
-            image = source.image
-            if image is None or image.name in found:
+        shown = [(name, source.image) for name, source in material.channels.items()]
+        for properties in material.extensions.values():
+            shown += properties.items()
+        for channel, image in shown:
+            if not isinstance(image, ChannelImage) or image.name in found:
                 continue
-            is_color = CHANNELS[channel].is_color or channel == "alpha"
+            kind = CHANNELS.get(channel)
+            is_color = "Color" in channel if kind is None else kind.is_color
+            is_color = is_color or channel == "alpha"
             pixels, _ = image_codes(image, is_color=is_color, threads=threads)
             codes = quantize_unsigned(_with_colors(pixels), 8, threads=threads)
             found[image.name] = Picture(
@@ -212,7 +216,14 @@ def with_files(materials: Materials, files: Mapping[str, bytes]) -> Materials:
             name: replace(source, image=changed(source.image)) if source.image else source
             for name, source in material.channels.items()
         }
-        items.append(replace(material, channels=channels))
+        extensions = {
+            name: {
+                key: changed(value) if isinstance(value, ChannelImage) else value
+                for key, value in properties.items()
+            }
+            for name, properties in material.extensions.items()
+        }
+        items.append(replace(material, channels=channels, extensions=extensions))
     return replace(materials, materials=tuple(items))
 
 
