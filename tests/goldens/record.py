@@ -47,6 +47,7 @@ simplify high.obj -o best.ply --faces 300 --quality best
 unwrap low.obj -o low_uv.obj --size 256 --padding 2 --layout layout.png --heat --checker checker.png
 simplify low_uv.obj -o level.glb --faces 150 --seams keep
 unwrap low.obj -o fast.glb --size 256 --quality fast --layout layout.svg
+unwrap low.obj -o best_uv.obj --size 256 --quality best
 unwrap prism.obj sphere.obj -o tiles --tiles 2 --size 256 --by-group
 unwrap sphere.obj -o planar.obj --method planar --fit pca --sides
 unwrap sphere.obj -o cylindrical.ply --method cylindrical --caps --warp twirl

@@ -42,9 +42,16 @@ def mirrored_share(mesh, within):
     return lengths[apart < within].sum() / lengths.sum()
 
 
-@pytest.mark.parametrize(("mesh", "within"), [(symmetric(), 0.05), (shape(noise=0.003), 0.15)])
-def test_seams_mirror_each_other(mesh, within):
-    found = unwrap(mesh, quality="good", size=256)
+@pytest.mark.parametrize(
+    ("mesh", "quality", "within"),
+    [
+        (symmetric(), "good", 0.05),
+        (shape(noise=0.003), "good", 0.15),
+        (shape(noise=0.003), "best", 0.15),
+    ],
+)
+def test_seams_mirror_each_other(mesh, quality, within):
+    found = unwrap(mesh, quality=quality, size=256)
     assert mirrored_share(found, within) > 0.8
     figures = distortion(found)
     assert figures.n_overlapping == figures.n_mirrored == 0

@@ -5,11 +5,13 @@ from texbake.core import core
 from texbake.mapping.atlas.charts import single_face_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.halves import Halves, image_costs
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges, seam_length
 from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.symmetry import MirrorPlane
 from texbake.mesh.topology import opposite_half_edges
 
 
@@ -110,3 +112,16 @@ def test_seams_are_cheap_where_little_light_comes():
     alike, hidden = (edge_weights(surface, hide=hide) for hide in (0.0, 1.0))
     assert (alike[rim] == 1.0).all()
     assert 1.5 * hidden[bottom].mean() < hidden[rim].mean()
+
+
+def test_a_border_moves_to_the_mirror_image_of_that_of_the_other_half():
+    mesh = plane(24, 24)
+    x, y = centers(mesh)[:, :2].T
+    surface, sides = surface_of(mesh), np.where(x < 0.5, 1, -1)
+    halves = Halves(MirrorPlane(np.array([1.0, 0.0, 0.0]), 0.0, 0.0), sides, None)
+    labels = np.where(sides > 0, y > 0.3, y > 0.5)
+    costs = image_costs(surface, halves, surface.joints[2], labels)
+    labels[sides > 0] = True  # leaves the border of the other half alone
+    _, places = border_of(mesh, straightened(mesh, labels, costs, width=0.5))
+    inner = places[(places[:, 0] > 0.7) & (places[:, 0] < 0.8)]
+    assert len(inner) and (np.abs(inner[:, 1] - 0.3) < 0.03).all()

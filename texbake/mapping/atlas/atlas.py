@@ -275,7 +275,8 @@ def _body_charts(
     """Candidates of charts of whole bodies; `others`: charts, for faces of no body."""
     surface, _ = _surface(mesh, options, None, threads)
     with stages.stage("cut bodies"):
-        found = whole_bodies(surface, others)
+        halves = find_halves(surface) if options.symmetry == "auto" else None
+        found = whole_bodies(surface, others, halves)
     return [
         replace(_bounded(surface, charts, options, stages), notes=others.notes) for charts in found
     ]
@@ -375,12 +376,13 @@ def _improved(
             charts = relax_charts(surface, charts)
     else:
         with stages.stage("mirror charts"):
-            charts = half_charts(mesh, surface, halves, charts, options.quality)
+            charts = half_charts(mesh, surface, halves, charts, weights, options.quality)
         as_cut = chart_stretch(surface.points, mesh, charts)
     allowed = _BEST_STRETCH
     if options.quality == "good":
         room = _GOOD_ROOM if halves is None else _HALVES_ROOM
         allowed = min(1.0 + room * (as_cut - 1.0), _GOOD_STRETCH)
+    pairs = None if halves is None else partial(find_counterparts, surface=surface, halves=halves)
     with stages.stage("join charts"):
         charts = join_charts(
             surface,
@@ -390,11 +392,9 @@ def _improved(
             most_chart_l2=options.max_stretch,
             most_length=_JOINED_SIDES,
             most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
-            find_counterparts=None
-            if halves is None
-            else partial(find_counterparts, surface=surface, halves=halves),
+            find_counterparts=pairs,
         )
     if options.charts != "texbake":
         return charts
     with stages.stage("straighten borders"):
-        return straighten_charts(surface, charts, weights)
+        return straighten_charts(surface, charts, weights, halves=halves, find_counterparts=pairs)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -17,13 +18,16 @@ from texbake.mapping.atlas.cutting.parts import connected_parts, split_parts
 from texbake.mapping.atlas.cutting.repair import repair_charts
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import relax_charts
+from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.necks import divide_at_necks
 from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of
 from texbake.mapping.atlas.joining.straighten import straighten_charts
+from texbake.mapping.atlas.mirrored_charts import find_counterparts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import seam_length
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.symmetry import MirrorPlane
 from texbake.parallel import run_bands
 
 # Least and most faces of a body, and its least share of the area of the mesh.
@@ -35,6 +39,9 @@ _MOST_L2, _ANY_WASTE = 1.5, 1e6
 # Least empty area that cutting off a limb saves, by candidate, in units of the length of the cut
 # times the side of a square as large as the mesh.
 _GAINS = (0.25, 0.12, 0.06, 0.03)
+
+# Most distance of the center of a symmetric body from the mirror plane, as a share of its extent.
+_EVEN = 0.05
 
 # See `layout_cost`.
 _OUTLINE, _ENERGY_POWER, _FILL_POWER, _CHARTS_POWER = 1.0, 8.0, 2.0, 0.125
@@ -67,10 +74,13 @@ def layout_cost(meshes: Sequence[Mesh], all_charts: Sequence[Charts], fill: floa
     return cost / float(pm.power(fill, _FILL_POWER))
 
 
-def whole_bodies(surface: ChartSurface, others: Charts) -> list[Charts]:
+def whole_bodies(
+    surface: ChartSurface, others: Charts, halves: Halves | None = None
+) -> list[Charts]:
     """Charts of whole bodies, from candidate to candidate with more limbs cut off.
 
-    Other faces keep their charts, `others`; the list is empty if there is no body.
+    Other faces keep their charts, `others`; the list is empty if there is no body. `halves`: of a
+    symmetric mesh, whose seams mirror each other.
     """
     corners, solid, opposite = surface.joints
     weights = edge_weights(surface)
@@ -87,10 +97,9 @@ def whole_bodies(surface: ChartSurface, others: Charts) -> list[Charts]:
     def lay(first: int, last: int) -> None:
         for number in range(first, last):
             part = parts[number]
+            own = surface.points[corners[part.face_ids]]
             laid = flatten_body(
-                surface.points[corners[part.face_ids]],
-                part.opposite,
-                weights[part.face_ids].ravel(),
+                own, part.opposite, weights[part.face_ids].ravel(), _plane_of(own, halves)
             )
             if laid is not None and laid.flat.energy <= 4.0 * _MOST_ENERGY:
                 found[number] = laid.charts()
@@ -104,7 +113,16 @@ def whole_bodies(surface: ChartSurface, others: Charts) -> list[Charts]:
     if not pieces:
         return []
     charts = gather_charts(surface.faces, [*pieces, *_left_over(others, pieces)])
-    return _cut_off(surface, charts, weights)
+    return _cut_off(surface, charts, weights, halves)
+
+
+def _plane_of(corners: FloatArray, halves: Halves | None) -> MirrorPlane | None:
+    """The mirror plane, if faces with these corners (m, 3, 3) lie evenly about it."""
+    if halves is None:
+        return None
+    areas, heights = surface_areas(corners), halves.plane.heights(corners.mean(axis=1))
+    mean = float((areas * heights).sum() / areas.sum())
+    return halves.plane if abs(mean) <= _EVEN * float(np.ptp(heights)) else None
 
 
 def _left_over(
@@ -126,22 +144,35 @@ def _left_over(
     return [(left, part)]
 
 
-def _cut_off(surface: ChartSurface, charts: Charts, weights: FloatArray) -> list[Charts]:
+def _cut_off(
+    surface: ChartSurface, charts: Charts, weights: FloatArray, halves: Halves | None
+) -> list[Charts]:
     """Charts without overlaps, with more and more limbs cut off."""
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
     side = math.sqrt(math.fsum(piece.area for piece in pieces))
+    pairs = None if halves is None else partial(find_counterparts, surface=surface, halves=halves)
     found: list[Charts] = []
     for gain in _GAINS:
         n_before = len(pieces)
         pieces = [
             part
             for piece in pieces
-            for part in divide_at_necks(piece, opposite, weights, least_gain=gain, side=side)
+            for part in divide_at_necks(
+                piece,
+                opposite,
+                weights,
+                least_gain=gain,
+                side=side,
+                plane=_plane_of(piece.points[piece.faces], halves),
+            )
         ]
         if not found or len(pieces) > n_before:
             relaxed = relax_charts(surface, charts_of(pieces, charts))
-            found.append(_repaired(surface, straighten_charts(surface, relaxed, weights)))
+            straight = straighten_charts(
+                surface, relaxed, weights, halves=halves, find_counterparts=pairs
+            )
+            found.append(_repaired(surface, straight))
     return found
 
 

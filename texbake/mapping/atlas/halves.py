@@ -10,6 +10,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import ChartSurface
+from texbake.mapping.atlas.cutting.path_mirror import LEAST_NEAR, MOST_NEAR
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
 from texbake.mesh.symmetry import MirrorPlane, find_mirror_plane, plane_between
@@ -174,3 +175,43 @@ def _sums(owners: IntArray, vertices: Int64Array, n: int) -> Int64Array:
     sums = np.zeros(n, dtype=np.uint64)
     np.add.at(sums, keys >> 32, codes)
     return sums.view(np.int64)
+
+
+# Distance from the mirror plane, in lengths of an edge, beyond which the edge is not at the plane.
+_AT_PLANE = 2.0
+
+
+def image_costs(
+    surface: ChartSurface, halves: Halves, opposite: IntArray, labels: IntArray
+) -> FloatArray:
+    """(F, 3) costs of edges of the other side: low near the mirror images of borders.
+
+    `opposite`: half-edges; `labels` (F,): the borders run between faces of different ones.
+    """
+    is_cut = np.repeat(halves.sides >= 0, 3)
+    edges = np.flatnonzero((opposite >= 0) & is_cut & is_cut[opposite])
+    edges = edges[labels[opposite[edges] // 3] > labels[edges // 3]]
+    if not len(edges):
+        return np.ones(surface.corners.shape)
+    ends = surface.corners.ravel(), np.roll(surface.corners, -1, axis=1).ravel()
+    lines = np.stack([ends[0][edges], ends[1][edges], ends[1][edges]], axis=1)
+    tree = TriangleTree.build(surface.points, lines, threads=surface.threads)
+    others = np.unique(surface.corners[halves.sides < 0])
+    mirrored = halves.plane.mirrored(surface.points[others])
+    distances = np.full(len(surface.points), np.inf)
+    distances[others] = tree.closest_points(mirrored, threads=surface.threads)[0]
+    return np.asarray(_nearness(surface, distances).clip(LEAST_NEAR, MOST_NEAR))
+
+
+def plane_costs(surface: ChartSurface, plane: MirrorPlane) -> FloatArray:
+    """(F, 3) costs of edges: low near the plane, infinite for those that are not."""
+    nearness = _nearness(surface, np.abs(plane.heights(surface.points)))
+    return np.where(nearness <= _AT_PLANE, nearness.clip(LEAST_NEAR, MOST_NEAR), np.inf)
+
+
+def _nearness(surface: ChartSurface, distances: FloatArray) -> FloatArray:
+    """(F, 3) distances of edges by those of their ends (V,), in lengths of the edge."""
+    heads = np.roll(surface.corners, -1, axis=1)
+    steps = surface.points[heads] - surface.points[surface.corners]
+    lengths = np.maximum(pm.norm(steps.reshape(-1, 3), axis=1).reshape(-1, 3), 1e-30)
+    return np.asarray((distances[surface.corners] + distances[heads]) / (2.0 * lengths))

@@ -12,19 +12,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from texbake.core import core
 from texbake.errors import UnwrapError
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts, mesh_of
 from texbake.mapping.atlas.cutting.cut import cut_charts
 from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.flatten import relax_charts
-from texbake.mapping.atlas.halves import Halves
-from texbake.mapping.atlas.joining.join import compact_charts
+from texbake.mapping.atlas.halves import Halves, image_costs
+from texbake.mapping.atlas.joining.join import compact_charts, join_charts
 from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, pieces_of
+from texbake.mapping.atlas.joining.straighten import BORDER_WIDTH, straighten_charts
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 
+# Bounds on the stretch and empty area of the parts of a transferred chart that are joined again.
+_PART_L2, _ANY_WASTE = 1.03, 1e6
 _SMOOTHINGS = 4  # rounds of giving faces the chart of two of their neighbors
 # A part of a transferred chart below this share of the chart's faces joins the charts around it.
 _LEAST_PART = 0.1
@@ -43,17 +47,26 @@ def half_surface(surface: ChartSurface, halves: Halves) -> ChartSurface:
 
 
 def half_charts(
-    mesh: Mesh, surface: ChartSurface, halves: Halves, charts: Charts, quality: str
+    mesh: Mesh,
+    surface: ChartSurface,
+    halves: Halves,
+    charts: Charts,
+    weights: FloatArray,
+    quality: str,
 ) -> Charts:
-    """Symmetric charts of a mesh: its `charts` on one side, cut until compact, and their images."""
+    """Symmetric charts of a mesh: its `charts` on one side, cut until compact, and their images.
+
+    `weights` (F, 3): costs of edges by `edge_weights`.
+    """
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     half = half_surface(surface, halves)
     charts = _split_off(half, replace(charts, faces=charts.faces[ids]))
     charts = compact_charts(half, relax_charts(half, charts))
+    charts = straighten_charts(half, charts, weights[ids])
     if halves.twins is not None:
         mirrored = _mirrored(surface, halves, charts, ids, others)
     else:
-        mirrored = _transferred(mesh, surface, halves, charts, others, quality)
+        mirrored = _transferred(mesh, surface, halves, charts, others, weights, quality)
         if mirrored is not None:
             mirrored = relax_charts(surface.part(others), mirrored)
     pieces = [(ids, charts)] if mirrored is None else [(ids, charts), (others, mirrored)]
@@ -104,23 +117,35 @@ def _mirrored(
 
 
 def _transferred(
-    mesh: Mesh, surface: ChartSurface, halves: Halves, half: Charts, others: IntArray, quality: str
+    mesh: Mesh,
+    surface: ChartSurface,
+    halves: Halves,
+    half: Charts,
+    others: IntArray,
+    weights: FloatArray,
+    quality: str,
 ) -> Charts | None:
     """Cut the other side where the mirror image of one side is cut."""
     part = surface.part(others)
-    labels = transferred_labels(surface, halves, half)[others]
+    labels = transferred_labels(surface, halves, half, weights)[others]
     keys = labels.astype(np.int64) << 32
     if part.regions is not None:
         keys += part.regions
     part = replace(part, regions=np.unique(keys, return_inverse=True)[1].astype(np.int32))
     area = float(surface_areas(surface.points[surface.faces]).sum())
     with suppress(UnwrapError):  # none of the faces has an area
-        return cut_charts(mesh_of(mesh, part), part, quality=quality, area=area)
+        charts = cut_charts(mesh_of(mesh, part), part, quality=quality, area=area)
+        return join_charts(part, charts, most_l2=_PART_L2, most_share=1.0)
     return None
 
 
-def transferred_labels(surface: ChartSurface, halves: Halves, half: Charts) -> IntArray:
-    """(F,) chart of `half` at the mirror image of each face of the other side; else -1."""
+def transferred_labels(
+    surface: ChartSurface, halves: Halves, half: Charts, weights: FloatArray
+) -> IntArray:
+    """(F,) chart of `half` at the mirror image of each face of the other side; else -1.
+
+    Borders run close to the mirror images of those of `half`; `weights` (F, 3): of edges.
+    """
     points, faces = surface.points, surface.faces
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     solid = half.solid & (halves.sides[ids] == 1)
@@ -133,10 +158,16 @@ def transferred_labels(surface: ChartSurface, halves: Halves, half: Charts) -> I
         centers = np.stack(sums, axis=1)[own]
     _, nearest, _ = tree.closest_points(halves.plane.mirrored(centers), threads=surface.threads)
     labels = np.full(len(faces), -1, dtype=np.int32)
-    found = half.chart_ids[half.faces[solid, 0]][nearest]
+    labels[ids[solid]] = half.chart_ids[half.faces[solid, 0]]
+    costs = weights * image_costs(surface, halves, surface.joints[2], labels)
     part = surface.part(others)
     neighbors = part.joints[2].reshape(-1, 3) // 3
-    labels[others] = _cleaned(found, neighbors, part.polygons)
+    found = _cleaned(labels[ids[solid]][nearest], neighbors, part.polygons)
+    core.straighten_borders(
+        points, part.corners, part.joints[2], costs[others], BORDER_WIDTH, found
+    )
+    labels[:] = -1
+    labels[others] = found
     return labels
 
 
@@ -204,7 +235,8 @@ def find_counterparts(
         if side == 0:
             counterparts[index] = index
         elif side < 0:
-            found = owners[images[piece.face_ids]]
+            found = images[piece.face_ids]
+            found = owners[found[found >= 0]]
             found = found[found >= 0]
             if not len(found):
                 continue

@@ -20,10 +20,12 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import Charts
+from texbake.mapping.atlas.cutting.path_mirror import PathMirror
 from texbake.mapping.atlas.flatten import Flat, flatten
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.symmetry import MirrorPlane
 from texbake.mesh.topology import EdgeGraph, next_half_edges, path_back
 from texbake.records import dataclass
 
@@ -59,13 +61,19 @@ class BodyLayout:
         return Charts(uvs=self.flat.uvs, faces=self.faces, chart_ids=np.zeros(n, dtype=np.int32))
 
 
-def flatten_body(points: FloatArray, opposite: IntArray, weights: FloatArray) -> BodyLayout | None:
+def flatten_body(
+    points: FloatArray,
+    opposite: IntArray,
+    weights: FloatArray,
+    plane: MirrorPlane | None = None,
+) -> BodyLayout | None:
     """Flatten a connected surface as one chart, which may overlap itself; None if impossible.
 
     `points` (m, 3, 3) float64: the corners of its faces; `opposite` (3 m,) int32: their half-edges;
-    `weights` (3 m,) float64: cost of a seam for each unit of its length, infinite for none.
+    `weights` (3 m,) float64: cost of a seam for each unit of its length, infinite for none;
+    `plane`: a mirror plane of the body, whose seams are cut in pairs.
     """
-    body = _Body(points, opposite, weights)
+    body = _Body(points, opposite, weights, plane)
     if not body.has_seam and not _open_up(body):
         return None
     for _ in range(_MOST_REACHED):
@@ -116,7 +124,13 @@ def cut_tube_open(
 class _Body:
     """A connected surface, and the seams so far."""
 
-    def __init__(self, points: FloatArray, opposite: IntArray, weights: FloatArray) -> None:
+    def __init__(
+        self,
+        points: FloatArray,
+        opposite: IntArray,
+        weights: FloatArray,
+        plane: MirrorPlane | None = None,
+    ) -> None:
         edges = np.flatnonzero(opposite >= 0).astype(np.int32)
         self.opposite = opposite
         self.cut = opposite < 0
@@ -140,6 +154,7 @@ class _Body:
         ends = np.concatenate([self.heads[half_edges], self.tails[back]])
         self.graph = EdgeGraph.build(len(self.points), starts, ends, (self.lengths * weights)[ids])
         self._ids = ids[self.graph.order]
+        self.mirror = None if plane is None else PathMirror(plane, self.points, self.graph)
         self.distances = np.full(len(self.points), np.inf)
         self.before = np.full(len(self.points), -1, dtype=np.int32)
         self._reach_from(np.unique(np.concatenate([self.tails[back], self.heads[back]])))
@@ -155,9 +170,24 @@ class _Body:
 
     def cut_to(self, vertex: int) -> bool:
         """Cut from the nearest seam to a vertex; return whether there is anything to cut."""
+        if self.mirror is not None:
+            vertex = self.mirror.at_plane(vertex, float(self.distances[vertex]))
         path = path_back(self.before, vertex)
+        if self.mirror is not None and self.mirror.is_at_plane[vertex]:
+            path = self.mirror.path_at_plane(self._seam_vertices(), vertex)
         self.cut_along(path)
+        self.cut_image(path)
         return len(path) > 1
+
+    def cut_image(self, path: list[int]) -> None:
+        """Cut along the mirror image of a path, from its first vertex to the nearest seam."""
+        if self.mirror is not None:
+            end = int(self.mirror.image_of(path[0]))
+            if self.distances[end] > 0.0:
+                self.cut_along(self.mirror.image_path(path, self._seam_vertices(), end))
+
+    def _seam_vertices(self) -> IntArray:
+        return np.flatnonzero(self.distances == 0.0).astype(np.int32)
 
     def cut_along(self, path: list[int]) -> None:
         """Cut the edges between consecutive vertices."""
@@ -197,8 +227,25 @@ def _open_up(body: _Body) -> bool:
         return True
     start = _farthest(body.graph.paths_from(0)[0])
     distances, before = body.graph.paths_from(start)
+    if body.mirror is not None and body.mirror.is_at_plane.any():
+        return _open_halves(body, body.mirror, distances, before)
     path = path_back(before, _farthest(distances))
     body.cut_along(path)
+    return len(path) > 2
+
+
+def _open_halves(body: _Body, mirror: PathMirror, distances: FloatArray, before: IntArray) -> bool:
+    """Cut from the plane to where `distances` are 0, and the mirror image; or along the plane."""
+    at_plane = np.flatnonzero(mirror.is_at_plane)
+    root = int(at_plane[distances[at_plane].argmin()])
+    if distances[root] < _REACH * body.side:
+        end = int(at_plane[np.where(np.isfinite(distances), distances, -1.0)[at_plane].argmax()])
+        path = mirror.path_at_plane(np.array([root], dtype=np.int32), end)
+        body.cut_along(path)
+        return len(path) > 2
+    path = path_back(before, root)[::-1]
+    body.cut_along(path)
+    body.cut_image(path)
     return len(path) > 2
 
 

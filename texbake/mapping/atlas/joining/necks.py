@@ -12,12 +12,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.mapping.atlas.cutting.path_mirror import PathMirror
 from texbake.mapping.atlas.cutting.repair import OVERLAP_DEPTH
 from texbake.mapping.atlas.joining.pieces import ChartPiece, LongArray, hull_area, parts_of
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.overlap import overlap_layers
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.symmetry import MirrorPlane
 from texbake.mesh.topology import EdgeGraph, edge_keys, opposite_half_edges, path_back
 from texbake.records import dataclass
 
@@ -27,16 +29,25 @@ _LEAST_SHARE = 0.03  # least area of a limb, as a share of the body
 # Most chords that are tried for a division, and most faces of the pieces cut in all these trials.
 _MOST_TRIED, _MOST_FACES = 8, 100_000
 _MOST_PARTS = 32
+# Distances in steps of a cut: of its mirror image, below which they are one cut; and of the image's
+# ends from the border of a piece that it cuts.
+_SAME_PATH, _NEAR_IMAGE = 2.0, 2.0
 _LEAST_OVERLAP = 1e-3  # of the area of the body; smaller overlaps are repaired later
 
 
 def divide_at_necks(
-    piece: ChartPiece, opposite: IntArray, weights: FloatArray, *, least_gain: float, side: float
+    piece: ChartPiece,
+    opposite: IntArray,
+    weights: FloatArray,
+    *,
+    least_gain: float,
+    side: float,
+    plane: MirrorPlane | None = None,
 ) -> list[ChartPiece]:
     """Divide a piece until it does not overlap and no neck gains enough.
 
     `weights` (F, 3): cost of a seam for each unit of length; `least_gain`: empty area saved, in
-    units of the length of the cut times `side`.
+    units of the length of the cut times `side`; `plane`: cuts are followed by their mirror images.
     """
     done: list[ChartPiece] = []
     left = [piece]
@@ -44,8 +55,11 @@ def divide_at_necks(
         piece = left.pop()
         parts: list[ChartPiece] = []
         if len(done) + len(left) < _MOST_PARTS:
-            parts = _divided(piece, opposite, weights, least_gain, side)
-        if parts:
+            parts, path = _divided(piece, opposite, weights, least_gain, side)
+        if parts and plane is not None:
+            left += parts
+            _cut_image(left, opposite, weights, plane, path)
+        elif parts:
             left += parts
         else:
             done.append(piece)
@@ -54,11 +68,11 @@ def divide_at_necks(
 
 def _divided(
     piece: ChartPiece, opposite: IntArray, weights: FloatArray, least_gain: float, side: float
-) -> list[ChartPiece]:
-    """Two or more parts of a piece; none if no cut is worth its length."""
-    loop = _outline(piece)
+) -> tuple[list[ChartPiece], FloatArray]:
+    """Two or more parts of a piece, and points of the cut; none if no cut is worth its length."""
+    loop, none = _outline(piece), np.empty((0, 3))
     if loop is None:
-        return []
+        return [], none
     chords = _chords(piece, loop, _LEAST_SHARE * side**2)
     graph = _PieceGraph(piece, weights)
     n_tried = min(max(_MOST_FACES // len(piece.faces), 1), _MOST_TRIED)
@@ -66,8 +80,8 @@ def _divided(
     if overlap > _LEAST_OVERLAP * side**2:
         order = np.argsort(chords.lengths / np.sqrt(chords.areas), kind="stable")[:n_tried]
         tried = [
-            (sum(_overlap(part) for part in parts), length, parts)
-            for parts, length in _cuts(piece, opposite, graph, chords, order)
+            (sum(_overlap(part) for part in parts), length, (parts, path))
+            for parts, length, path in _cuts(piece, opposite, graph, chords, order)
         ]
         gain, number = max(
             (((overlap - left) / length, -i) for i, (left, length, _) in enumerate(tried)),
@@ -78,20 +92,45 @@ def _divided(
     gains = chords.saved / (chords.lengths * side)
     order = np.argsort(-gains, kind="stable")
     order = order[gains[order] >= least_gain][:n_tried]
-    for parts, length in _cuts(piece, opposite, graph, chords, order):
+    for parts, length, path in _cuts(piece, opposite, graph, chords, order):
         if piece.waste - sum(part.waste for part in parts) >= least_gain * length * side:
-            return parts
-    return []
+            return parts, path
+    return [], none
+
+
+def _cut_image(
+    pieces: list[ChartPiece],
+    opposite: IntArray,
+    weights: FloatArray,
+    plane: MirrorPlane,
+    path: FloatArray,
+) -> None:
+    """Cut the piece that contains the mirror image of a path (k, 3) along it, if there is one."""
+    images = plane.mirrored(path)
+    step = float(pm.norm(path[1:] - path[:-1], axis=1).mean())
+    apart = np.abs(images[:, None] - path).max(axis=2).min(axis=1)
+    if apart.max() <= _SAME_PATH * step:
+        return
+    for number, piece in enumerate(pieces):
+        rim = np.unique(piece.border_ends)
+        gaps = [pm.norm(piece.points[rim] - end, axis=1) for end in (images[0], images[-1])]
+        starts, ends = (rim[gap <= gap.min() + 1e-9 * step] for gap in gaps)
+        if max(float(gap.min()) for gap in gaps) > _NEAR_IMAGE * step:
+            continue
+        found = _PieceGraph(piece, weights).sides_near(starts, ends, path, plane)
+        if found is not None:
+            pieces[number : number + 1] = parts_of(piece, found, opposite)
+            return
 
 
 def _cuts(
     piece: ChartPiece, opposite: IntArray, graph: _PieceGraph, chords: _Chords, order: LongArray
-) -> Iterator[tuple[list[ChartPiece], float]]:
-    """Parts on both sides of cuts near chords, and the lengths of the cuts."""
+) -> Iterator[tuple[list[ChartPiece], float, FloatArray]]:
+    """Parts on both sides of cuts near chords, the lengths of the cuts, and their points."""
     for number in order.tolist():
         found = graph.sides(int(chords.starts[number]), int(chords.ends[number]))
         if found is not None:
-            yield parts_of(piece, found[0], opposite), found[1]
+            yield parts_of(piece, found[0], opposite), *found[1:]
 
 
 def _overlap(piece: ChartPiece) -> float:
@@ -203,16 +242,30 @@ class _PieceGraph:
         self._keys = edge_keys(tails, heads)
         self._opposite = opposite_half_edges(piece.faces)
 
-    def sides(self, start: int, end: int) -> tuple[BoolArray, float] | None:
-        """(m,) sides of faces about the shortest path between two vertices, and its length."""
+    def sides(self, start: int, end: int) -> tuple[BoolArray, float, FloatArray] | None:
+        """(m,) sides of faces about the shortest path between two vertices; its length, points."""
         piece = self._piece
         path = path_back(self._graph.paths_from(end, start)[1], start)
         if path[-1] != end:
             return None
         steps = np.array(path)
+        sides = self._sides_of(steps)
+        length = float(pm.norm(piece.points[steps[1:]] - piece.points[steps[:-1]], axis=1).sum())
+        return None if sides.all() else (sides, length, piece.points[steps])
+
+    def sides_near(
+        self, starts: IntArray, ends: IntArray, path: FloatArray, plane: MirrorPlane
+    ) -> BoolArray | None:
+        """(m,) sides of faces about the path between two places nearest to an image of another."""
+        mirror = PathMirror(plane, self._piece.points, self._graph)
+        steps = mirror.nearest_image(path, starts, ends)
+        sides = None if steps is None else self._sides_of(np.array(steps))
+        return None if sides is None or sides.all() else sides
+
+    def _sides_of(self, steps: LongArray) -> BoolArray:
+        """(m,) which faces are on the side of the first, about a path of vertices."""
+        piece = self._piece
         is_cut = np.isin(self._keys, edge_keys(steps[:-1], steps[1:]))
         edges = np.flatnonzero((self._opposite >= 0) & ~is_cut).astype(np.int32)
         labels = merged_labels(len(piece.faces), edges // 3, self._opposite[edges] // 3)
-        sides = labels == labels[0]
-        length = float(pm.norm(piece.points[steps[1:]] - piece.points[steps[:-1]], axis=1).sum())
-        return None if sides.all() else (np.asarray(sides), length)
+        return np.asarray(labels == labels[0])

@@ -1,17 +1,24 @@
 """Borders between charts moved to edges of less weight.
 
 Charts that gain or lose faces are flattened again, starting from their layouts, next to which new
-faces unfold. A chart that would stretch more, or overlap itself, keeps its borders.
+faces unfold. Where a chart would stretch more, or overlap itself, its borders stay at the places
+with the largest changes.
+
+On a symmetric mesh, the borders of one half move first. Then those of the other half move close to
+their mirror images, and those between the halves close to the mirror plane.
 
 Kernel: `core/border_straightening.c`, which names the method.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from texbake.core import core
 from texbake.mapping.atlas.charts import Charts, ChartSurface
+from texbake.mapping.atlas.halves import Halves, image_costs, plane_costs
 from texbake.mapping.atlas.joining.pieces import (
     ChartPiece,
     charts_of,
@@ -20,23 +27,41 @@ from texbake.mapping.atlas.joining.pieces import (
     relax_piece,
     within,
 )
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray
 from texbake.mesh.topology import next_half_edges
 from texbake.parallel import run_bands
 
-_WIDTH = 0.1  # rings of faces in the band about a border, for each of its edges
+# Rings of faces in the band about a border, for each of its edges: in the first round, and in the
+# second, for borders that have not moved. No band is narrower than two rings.
+BORDER_WIDTH, _NARROW = 0.1, 0.0
+_SAME = 1e-6  # relative difference below which areas count as equal
 _ITERATIONS = 30  # of flattening
 # How much the part of a chart's stretch above 1 may grow.
-_ROOM, _LEAST_ROOM = 1.1, 0.002
+_ROOM, _LEAST_ROOM = 1.1, 0.006
 
 
-def straighten_charts(surface: ChartSurface, charts: Charts, weights: FloatArray) -> Charts:
-    """Shorten borders, weighted by `weights` (F, 3) of edges; infinite where none may run."""
+def straighten_charts(
+    surface: ChartSurface,
+    charts: Charts,
+    weights: FloatArray,
+    *,
+    halves: Halves | None = None,
+    find_counterparts: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
+) -> Charts:
+    """Shorten borders, weighted by `weights` (F, 3) of edges; infinite where none may run.
+
+    `halves`, `find_counterparts`: of a symmetric mesh, whose charts stay mirror images.
+    """
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
-    if len(pieces) > 1:
-        pieces = _straightened(surface, opposite.copy(), pieces, weights)
+    partners = np.arange(len(pieces))
+    if find_counterparts is not None:
+        for one, other in find_counterparts(pieces).items():
+            partners[one] = other
+    for width in (BORDER_WIDTH, _NARROW) if len(pieces) > 1 else ():
+        pieces = _straightened(surface, opposite, pieces, weights, width, halves, partners)
     return charts_of(pieces, charts)
 
 
@@ -45,21 +70,24 @@ def _straightened(
     opposite: IntArray,
     pieces: list[ChartPiece],
     weights: FloatArray,
+    width: float,
+    halves: Halves | None,
+    partners: Int64Array,
 ) -> list[ChartPiece]:
-    """Move the borders of pieces within bands about them."""
+    """Move the borders of pieces within bands about them; a piece and its partner, or neither."""
     before = np.full(len(surface.faces), -1, dtype=np.int32)
     for label, piece in enumerate(pieces):
         before[piece.face_ids] = label
     border = np.concatenate([piece.border for piece in pieces])
     slits = border[(opposite[border] >= 0) & (before[border // 3] == before[opposite[border] // 3])]
+    opposite = opposite.copy()
     opposite[slits] = -1
-    after = before.copy()
-    core.straighten_borders(surface.points, surface.corners, opposite, weights, _WIDTH, after)
-    current = list(pieces)
-    tried, refused = before, np.zeros(len(pieces), dtype=bool)
+    wanted = _moved(surface, opposite, weights, width, before, halves, partners)
+    areas = _changed_areas(surface, opposite, before, wanted)
+    most = np.full(len(pieces), np.inf)  # area that a chart gains or loses in one place
+    current, tried = list(pieces), before
     while True:
-        kept = (after != before) & (refused[before] | refused[after])
-        after = np.where(kept, before, after)
+        after = np.where(areas <= np.minimum(most[before], most[wanted]), wanted, before)
         faces = after != tried
         if not faces.any():
             return current
@@ -72,9 +100,61 @@ def _straightened(
         labels = np.flatnonzero(is_changed & is_moved).astype(np.int32)
         laid = _laid(surface, opposite, before, after, labels, pieces)
         for label, found in zip(labels.tolist(), laid, strict=True):
-            refused[label] |= found is None
             current[label] = found or pieces[label]
+            if found is None:
+                own = np.unique(areas[moved & ((before == label) | (after == label))])
+                less = own[own < (1.0 - _SAME) * own[len(own) // 2]]
+                limit = less[-1] * (1.0 + _SAME) if len(less) else 0.0
+                both = [label, partners[label]]
+                most[both] = np.minimum(most[both], limit)
         tried = after
+
+
+def _changed_areas(
+    surface: ChartSurface, opposite: IntArray, before: IntArray, after: IntArray
+) -> FloatArray:
+    """(F,) area of the connected faces that change from the same label to the same other one."""
+    pairs = (before.astype(np.int64) << 32) + after
+    edges = np.flatnonzero((opposite >= 0) & (before != after)[np.arange(len(opposite)) // 3])
+    edges = edges[pairs[edges // 3] == pairs[opposite[edges] // 3]]
+    parts = merged_labels(len(before), edges // 3, opposite[edges] // 3)
+    areas = surface_areas(surface.points[surface.faces])
+    return np.where(before != after, np.bincount(parts, areas)[parts], 0.0)
+
+
+def _moved(
+    surface: ChartSurface,
+    opposite: IntArray,
+    weights: FloatArray,
+    width: float,
+    labels: IntArray,
+    halves: Halves | None,
+    partners: Int64Array,
+) -> IntArray:
+    """(F,) labels of faces after their borders have moved, on a symmetric mesh half by half."""
+    labels = labels.copy()
+
+    def move(where: BoolArray, weights: FloatArray) -> None:
+        core.straighten_borders(
+            surface.points,
+            surface.corners,
+            np.where(where, opposite, -1).astype(np.int32),
+            weights,
+            width,
+            labels,
+        )
+
+    if halves is None:
+        move(opposite >= 0, weights)
+        return labels
+    is_cut = np.repeat(halves.sides >= 0, 3)
+    within = (opposite >= 0) & (is_cut == is_cut[opposite])
+    move(within & is_cut, weights)
+    move(within & ~is_cut, weights * image_costs(surface, halves, opposite, labels))
+    pairs = np.minimum(labels, partners[labels])
+    is_pair = (pairs[opposite // 3] == np.repeat(pairs, 3)) & (opposite >= 0)
+    move(is_pair, weights * plane_costs(surface, halves.plane))
+    return labels
 
 
 def _laid(
