@@ -303,7 +303,7 @@ def _does_not_fit_at(
             return (
                 f"{name}: at {density:g} texels per unit the charts need "
                 f"{needed if few else f'more than {_MOST_TILES_TOLD}'} tiles of "
-                f"{size[0]} x {size[1]}, not {bins.n_tiles}; allow more with tiles, or use a "
+                f"{size[0]} x {size[1]}, not {bins.n_tiles}; allow more with `tiles`, or use a "
                 f"larger size or a texel density of about {enough:.3g}"
             )
     raise AssertionError("they fit")
