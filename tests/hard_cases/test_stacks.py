@@ -100,13 +100,13 @@ def test_trees_look_at_a_stack_once(mesh):
 def test_rays_through_triangles_that_overlap_are_bounded(monkeypatch):
     n = 400
     mesh = crossing(n)
-    free = orientation._points_allowed(mesh)
+    free = orientation.points_allowed(mesh)
     monkeypatch.setattr(orientation, "_BOXES_ALLOWED", 1_000_000)
-    assert orientation._points_allowed(mesh) < free / 50.0
+    assert orientation.points_allowed(mesh) < free / 50.0
     parts = np.arange(n, dtype=np.int32)
     points = orientation._points(mesh, np.ones(n), parts, np.zeros(n, dtype=np.bool_), n)
     assert 0 < points.left_out.sum() < n
-    assert len(points.parts) <= orientation._points_allowed(mesh)
+    assert len(points.parts) <= orientation.points_allowed(mesh)
     assert not points.left_out[points.parts].any()
 
 

@@ -74,12 +74,13 @@ class MeshFileMaterials:
         of_faces = self.materials.face_materials[chosen]
         return replace(self, materials=replace(self.materials, face_materials=of_faces))
 
-    def opaque(self, n_faces: int) -> BoolArray:
-        """(F,) bool: faces of materials that nothing is seen through."""
+    def walls(self, n_faces: int) -> tuple[BoolArray, BoolArray]:
+        """(F,) bool: faces through which nothing is seen, and those not drawn from behind."""
         if self.materials is None:
-            return np.ones(n_faces, dtype=np.bool_)
-        of_materials = [material.is_opaque for material in self.materials.materials]
-        return np.array(of_materials)[self.materials.face_materials]
+            return np.ones(n_faces, dtype=np.bool_), np.zeros(n_faces, dtype=np.bool_)
+        kinds = [(item.is_opaque, not item.is_double_sided) for item in self.materials.materials]
+        is_opaque, is_one_sided = np.array(kinds)[self.materials.face_materials].T
+        return is_opaque, is_one_sided
 
     def rig_of(self, mesh: Mesh, output: PathLike) -> Rig | None:
         """Return the rig for a mesh made from that of the file, if its objects and format fit."""

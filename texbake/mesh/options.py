@@ -213,8 +213,8 @@ class SimplifyOptions(CheckedOptions):
     )
     drop_hidden: bool = option(
         False,
-        "Leave out faces that other parts hide from every direction outside, such as an engine "
-        "under a closed hood. Transparent materials hide nothing.",
+        "Leave out parts that others hide from every direction outside, such as an engine under "
+        "a closed hood. Transparent materials hide nothing.",
     )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False

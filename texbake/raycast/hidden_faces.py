@@ -1,68 +1,91 @@
-"""Faces of an assembly that nobody sees from outside, found by rays that try to get away.
+"""Parts of an assembly that nobody sees from outside, found by rays that try to get away.
 
-Rays leave random points of a face on both sides. A face is visible if one of them meets nothing,
-and hidden if all of them are blocked, some by another part: what a part hides of itself, such as
-the bottom of a deep hole, stays. So do the faces at visible ones, so that no gap opens.
+Rays leave random points of the faces of a part on both sides. The part is visible if one of them
+meets nothing, and hidden if all of them are blocked, some by another part. A part is hidden as a
+whole or not at all, so that no gap opens in what is seen.
 """
 
 from __future__ import annotations
+
+import math
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.mesh.compose import excerpt
-from texbake.mesh.distance import unit_normals
+from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import BoolArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Int64Array, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import face_components
-from texbake.raycast.orientation import cast_from, cosine_directions, points_in
+from texbake.raycast.orientation import cast_from, cosine_directions, points_allowed, points_in
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
 
 _SEED = 20151103
-# Rays from each side of a face, round by round; a visible face needs no further round.
-_ROUNDS = (4, 12, 48)
+# Rays from each side of a face, round by round, and from all faces together by their area; a part
+# that is seen needs no further round.
+_ROUNDS = ((4, 1 << 14), (12, 1 << 16), (48, 1 << 18))
 _RAYS_AT_ONCE = 1 << 19
+_MOST_POINTS = 32.0  # times the points that finding the outside of a mesh allows
 
 
-def hidden_faces(mesh: Mesh, is_opaque: BoolArray, *, threads: int | None = None) -> BoolArray:
-    """(F,) bool: faces hidden by opaque ones of other parts, in all poses of the mesh."""
+def hidden_faces(
+    mesh: Mesh, is_opaque: BoolArray, is_one_sided: BoolArray, *, threads: int | None = None
+) -> BoolArray:
+    """(F,) bool: faces of the parts that opaque faces of other parts hide.
+
+    `is_one_sided`: faces that are not drawn from behind. Parts of them that are turned inside out,
+    such as the shells that draw outlines, hide nothing. Where the work would have no bound, as in
+    a heap of large triangles, the parts that are left count as visible.
+    """
     welded = weld_vertices(mesh, threads=threads)[mesh.faces]
     parts, n_parts = face_components(welded, mesh.n_vertices)
-    hidden = np.ones(mesh.n_faces, dtype=np.bool_)
-    if n_parts < 2 or not is_opaque.any():
-        return ~hidden
-    poses = () if mesh.deformation is None else tuple(mesh.deformation.poses)
-    for positions in (mesh.positions, *poses):
-        pose = mesh.replace(positions=positions, deformation=None)
-        hidden &= _hidden(pose, is_opaque, parts, hidden, threads)
-    is_seen = np.zeros(mesh.n_vertices, dtype=np.bool_)
-    is_seen[welded[~hidden]] = True
-    return np.asarray(hidden & ~is_seen[welded].any(axis=1))
-
-
-def _hidden(
-    mesh: Mesh, is_opaque: BoolArray, parts: IntArray, asked: BoolArray, threads: int | None
-) -> BoolArray:
-    """Those of the faces asked for from which no ray gets away, and some meet another part."""
+    is_wall = is_opaque & ~(is_one_sided & _is_turned(mesh, parts, n_parts)[parts])
+    is_seen, meets_other = np.zeros((2, n_parts), dtype=np.bool_)
+    if n_parts < 2 or not is_wall.any():
+        return np.zeros(mesh.n_faces, dtype=np.bool_)
     frame = LocalFrame.around(mesh)
-    scene = RayScene.build(excerpt(mesh, is_opaque), frame, compact=True, threads=threads)
+    scene = RayScene.build(excerpt(mesh, is_wall), frame, compact=True, threads=threads)
     local = mesh.replace(positions=frame.to_local(mesh.positions))
-    parts_of_hits = parts[is_opaque]
-    waiting, meets_other = asked.copy(), np.zeros(mesh.n_faces, dtype=np.bool_)
+    areas = face_areas(local.positions, local.faces, threads=threads)
+    shares = areas / max(math.fsum(areas), 1e-300)
+    left = _MOST_POINTS * points_allowed(local)
     random = np.random.Generator(np.random.PCG64(_SEED))
-    for n_rays in _ROUNDS:
-        faces = np.flatnonzero(waiting)
-        step = _RAYS_AT_ONCE // n_rays
-        for first in range(0, len(faces), step):
-            of_rays = np.repeat(faces[first : first + step], n_rays)
+    for n_rays, n_by_area in _ROUNDS:
+        faces = np.flatnonzero(~is_seen[parts])
+        counts = n_rays + (n_by_area * shares[faces]).astype(np.int64)
+        left -= int(counts.sum())
+        if left < 0.0:
+            is_seen[:] = True
+            break
+        for of_rays in _in_chunks(faces, counts):
             hits = _first_hits(local, scene, of_rays, random)
             away = hits == NO_HIT
-            waiting[of_rays[away.any(axis=0)]] = False
-            others = ~away & (parts_of_hits[hits] != parts[of_rays])
-            meets_other[of_rays[others.any(axis=0)]] = True
-    return waiting & meets_other
+            is_seen[parts[of_rays[away.any(axis=0)]]] = True
+            others = ~away & (parts[is_wall][hits] != parts[of_rays])
+            meets_other[parts[of_rays[others.any(axis=0)]]] = True
+    return np.asarray((meets_other & ~is_seen)[parts])
+
+
+def _is_turned(mesh: Mesh, parts: IntArray, n_parts: int) -> BoolArray:
+    """(n_parts,) bool: whether most of a part's faces look toward its middle."""
+    corners = mesh.positions[mesh.faces]
+    weights = np.maximum(face_areas(mesh.positions, mesh.faces), np.finfo(np.float64).tiny)
+    middle = np.zeros((n_parts, 3))
+    for axis, values in enumerate(corners.mean(axis=1).T):
+        middle[:, axis] = np.bincount(parts, weights * values, minlength=n_parts)
+    middle /= np.bincount(parts, weights, minlength=n_parts)[:, None]
+    a, b, c = (corners[:, i] - middle[parts] for i in range(3))
+    return np.bincount(parts, (a * np.cross(b, c)).sum(axis=1), minlength=n_parts) < 0.0
+
+
+def _in_chunks(faces: npt.NDArray[np.intp], counts: Int64Array) -> Iterator[npt.NDArray[np.intp]]:
+    """Yield the face of each ray, some at a time."""
+    chunks = np.cumsum(counts) // _RAYS_AT_ONCE
+    for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(chunks)) + 1):
+        yield np.repeat(faces[part], counts[part])
 
 
 def _first_hits(

@@ -182,7 +182,7 @@ def _points(
     n_points = np.clip(share, _LEAST_OF_PART, _MOST_OF_PART).astype(np.int64)
     n_points[ends <= begins] = 0
     left_out = np.zeros(n_parts, dtype=np.bool_)
-    allowed = _points_allowed(mesh)
+    allowed = points_allowed(mesh)
     if n_points.sum() > allowed:
         largest_first = np.argsort(begins - ends, kind="stable")
         left_out[largest_first[np.cumsum(n_points[largest_first]) > allowed]] = True
@@ -223,7 +223,7 @@ def cast_from(
     return _cast(scene, origins + _OFFSET * normals, directions, 2.0 * math.sqrt(3.0))
 
 
-def _points_allowed(mesh: Mesh) -> float:
+def points_allowed(mesh: Mesh) -> float:
     """Points of all parts together, from the boxes that a ray through the mesh meets."""
     step = max(1, mesh.n_faces // _FACES_LOOKED_AT)
     corners = mesh.positions[mesh.faces[::step]] / max(mesh.diagonal, 1e-300)

@@ -32,8 +32,8 @@ _WHOLE = (
     "be read in pieces"
 )
 _NOT_WHOLE = (
-    "drop_hidden: {mesh} is read in pieces, and which faces are hidden shows only where all of it "
-    "is in memory; leave it out"
+    "drop_hidden: {mesh} is read in pieces, but finding hidden parts needs the whole mesh in "
+    "memory; raise `max_memory`, or leave out `drop_hidden`"
 )
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
@@ -177,14 +177,18 @@ def _read(
 def _without_hidden(
     mesh: Mesh, materials: MeshFileMaterials, threads: int | None
 ) -> tuple[Mesh, MeshFileMaterials, tuple[str, ...]]:
-    """Return a mesh and its materials without faces that nobody sees, and a note."""
+    """Return a mesh and its materials without parts that nobody sees, and a note."""
     from texbake.mesh.compose import excerpt
     from texbake.raycast.hidden_faces import hidden_faces
 
-    hidden = hidden_faces(mesh, materials.opaque(mesh.n_faces), threads=threads)
+    rig = materials.rig
+    if mesh.deformation is not None or (rig is not None and rig.content.get("animations")):
+        return mesh, materials, (f"{mesh.name}: dropped no hidden parts, because the mesh moves",)
+    is_opaque, is_one_sided = materials.walls(mesh.n_faces)
+    hidden = hidden_faces(mesh, is_opaque, is_one_sided, threads=threads)
     if not hidden.any():
-        return mesh, materials, (f"{mesh.name}: no triangle is hidden",)
-    note = f"{mesh.name}: dropped {counted(int(hidden.sum()), 'triangle')} that other parts hide"
+        return mesh, materials, (f"{mesh.name}: no part is hidden",)
+    note = f"{mesh.name}: dropped {counted(int(hidden.sum()), 'triangle')} of hidden parts"
     return excerpt(mesh, ~hidden), materials.of_faces(~hidden), (note,)
 
 
