@@ -1,6 +1,7 @@
 """`lighten`: fewer triangles, one set of images, and all that the materials say."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +38,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.rig import read_rig
 from texbake.mesh.shapes import uv_sphere
+from texbake.rendering.compare_models import compare_models
 from texbake.texture.image import decode_image, write_image
 from texbake.verbs.whole_jobs import lighten_file, run_files
 
@@ -306,7 +308,7 @@ def test_a_lightened_character_moves_as_before(tmp_path):
 KEPT = LightenOptions(n_faces=1500, uvs="keep", views=0)
 
 
-def atlas_of_balls(folder, *, overlap, rows=24):
+def atlas_of_balls(folder, *, overlap, rows=24, cells=64):
     """Three balls as nodes, side by side in the texture or all at one place of it."""
     ball = uv_sphere(rows, 2 * rows)
     parts = []
@@ -316,8 +318,8 @@ def atlas_of_balls(folder, *, overlap, rows=24):
         place = np.array([2.0 * i, 0.0, 0.0])
         parts.append(ball.replace(positions=ball.positions * scale + place, uvs=uvs, name=name))
     mesh = join_meshes(parts)
-    codes = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
-    codes = np.repeat(np.repeat(codes, 8, axis=0), 8, axis=1)
+    codes = np.random.default_rng(0).integers(0, 256, (cells, cells, 3)).astype(np.uint8)
+    codes = np.repeat(np.repeat(codes, 512 // cells, axis=0), 512 // cells, axis=1)
     channels = {"base-color": ChannelSource((1.0, 1.0, 1.0), picture(folder, "paint.png", codes))}
     materials = Materials(
         face_materials=np.zeros(mesh.n_faces, np.int32),
@@ -380,8 +382,37 @@ def test_a_target_size_is_kept_and_more_bytes_come_closer(tmp_path):
         found.append(lighten_file(model, tmp_path / "light.glb", options).report)
         assert found[-1].n_bytes == (tmp_path / "light.glb").stat().st_size <= target
     assert found[0].comparison.mean_db < found[1].comparison.mean_db
-    with pytest.raises(OptionError, match=r"target_size: .* does not get smaller than"):
+    with pytest.raises(
+        OptionError, match=r"^target_size: the smallest file of .* has [\d,]+ bytes; "
+    ):
         lighten_file(model, tmp_path / "light.glb", LightenOptions(target_size=500))
+
+
+def test_a_psnr_is_reached_with_few_bytes_or_the_reachable_one_is_named(tmp_path):
+    model = atlas_of_balls(tmp_path, overlap=True, rows=12, cells=8)
+    found = []
+    for goal in (25.0, 32.0):
+        options = LightenOptions(min_psnr=goal, views=1)
+        found.append(lighten_file(model, tmp_path / "light.glb", options).report)
+        assert found[-1].n_bytes == (tmp_path / "light.glb").stat().st_size
+        # The pictures are those of the file that was written.
+        written = compare_models(model, tmp_path / "light.glb", n_views=1, at_rest=True)
+        assert found[-1].comparison.psnr_db == written.psnr_db
+        assert written.mean_db >= goal
+    assert found[0].n_bytes < found[1].n_bytes
+    with pytest.raises(
+        OptionError, match=r"^min_psnr: the closest result .* has [\d.]+ dB; "
+    ) as error:
+        lighten_file(model, tmp_path / "none.glb", LightenOptions(min_psnr=99, views=1))
+    assert not (tmp_path / "none.glb").exists()
+    reachable = float(re.search(r"has ([\d.]+) dB", str(error.value))[1])
+    assert found[1].comparison.mean_db <= reachable < 99.0
+
+
+@pytest.mark.parametrize("others", [{"views": 0}, {"target_size": "5kB"}, {"image_quality": 80}])
+def test_a_psnr_excludes_options_that_contradict_it(others):
+    with pytest.raises(OptionError, match="min_psnr"):
+        LightenOptions(min_psnr=30, **others)
 
 
 @pytest.mark.parametrize("size", ["0", "-5kB", "five", "nan", ""])

@@ -1,9 +1,13 @@
-"""The closest lightened model of a number of bytes.
+"""The closest lightened model of a number of bytes, and the smallest one that is close enough.
 
-Numbers of triangles are tried from many to few. For each, images get the sides and qualities with
-the least error in the bytes that are left: the error of a picture is measured on its texels, once
-for a side and once for a quality at that side. Pictures of the whole then decide which number of
-triangles is best.
+Candidates have a number of triangles of one ladder, each two thirds of the one before, and a number
+of bytes. Images get the sides and qualities with the least error in the bytes that are left: the
+error of a picture is measured on its texels, once for a side and once for a quality at that side.
+Pictures of the whole decide between candidates.
+
+For a number of bytes, four numbers of triangles are tried, from many to few. For a PSNR, bisection
+finds the fewest triangles that reach it with the finest images, and then the fewest bytes; more
+triangles are tried as long as the file gets smaller with them.
 
 Based on: Shoham, Gersho, "Efficient bit allocation for an arbitrary set of quantizers", IEEE
 Transactions on Acoustics, Speech, and Signal Processing 36, 1988, for the choice among codings.
@@ -12,7 +16,9 @@ Transactions on Acoustics, Speech, and Signal Processing 36, 1988, for the choic
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable
 from dataclasses import field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,12 +37,18 @@ from texbake.jobs.light_images import (
 from texbake.jobs.light_models import LightModel, Source
 from texbake.mesh.materials import Materials
 from texbake.records import dataclass
-from texbake.rendering.compare_models import compare_models
+from texbake.rendering.compare_models import (
+    ModelComparison,
+    ModelToDraw,
+    compare_models,
+    model_to_draw,
+)
 from texbake.rendering.options import RenderOptions
 from texbake.texture.image_files import encode_image
 from texbake.texture.pack import resized
 
-_VIEWS, _PICTURE_PX = 4, 256
+# Of the pictures of trials.
+_VIEWS, _OPTIONS = 4, RenderOptions(width=256, height=256)
 _MOST_LEVELS, _LEAST_FACES = 4, 200
 # Bytes of a triangle in a file, at least: with integers, and coded as well.
 _BYTES, _CODED_BYTES = 9, 3
@@ -45,7 +57,10 @@ _LEAST_SIDE = 64
 _GROWTH = 2.5  # bytes of an image over those of half its side, at least
 # Weights of the squared errors of codes: chosen, not measured.
 _COLOR, _NORMAL, _OTHER = 1.0, 0.25, 0.15
-_MOST_BYTES = 1 << 40
+_UNLIMITED = 1 << 40  # bytes
+# Of a search for a PSNR: numbers of bytes that are tried for a number of triangles, the share of
+# the bytes that more triangles must get along with, what is close enough, and searches.
+_MOST_PROBES, _LESS, _SLACK_DB, _MOST_SEARCHES = 4, 0.97, 0.2, 4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,13 +85,25 @@ class Budget:
     model: PathLike
     source: Source
     _levels: dict[int, LightModel] = field(default_factory=dict)
-    _codings: dict[tuple[int, int, int], _Coding] = field(default_factory=dict)
-    _of_sides: dict[tuple[int, int], float] = field(default_factory=dict)
+    _trials: dict[tuple[int, int], Trial] = field(default_factory=dict)
+    _codings: dict[tuple[Hashable, int, int], _Coding] = field(default_factory=dict)
+    _of_sides: dict[tuple[Hashable, int], float] = field(default_factory=dict)
+
+    @property
+    def _n_views(self) -> int:
+        options = self.source.options
+        return _VIEWS if options.min_psnr is None else options.views
+
+    @cached_property
+    def _before(self) -> ModelToDraw:
+        """The model in the pictures of trials."""
+        threads = self.source.options.threads
+        return model_to_draw(self.model, options=_OPTIONS, at_rest=True, threads=threads)
 
     def within(self, n_bytes: int) -> Trial:
         """Return the closest model found whose file has at most `n_bytes`."""
         best: Trial | None = None
-        least = _MOST_BYTES
+        least = _UNLIMITED
         for n_faces in self._face_counts(n_bytes):
             trial = self._trial(n_faces, n_bytes)
             least = min(least, trial.n_bytes)
@@ -87,41 +114,128 @@ class Budget:
             best = trial
         if best is None:
             raise OptionError(
-                f"target_size: {self.source.mesh.name} does not get smaller than {least:,} bytes; "
-                "give more, fewer `faces`, or `uvs` new"
+                f"target_size: the smallest file of {self.source.mesh.name} has {least:,} bytes; "
+                "increase `target_size`, reduce `n_faces`, or set `uvs` to new"
             )
         return best
 
-    def _face_counts(self, n_bytes: int) -> list[int]:
-        options, n = self.source.options, self.source.mesh.n_faces
-        n = n if options.n_faces is None else min(options.n_faces, n)
-        each = _CODED_BYTES if options.compress else _BYTES
-        while n > 2 * _LEAST_FACES and n * each > n_bytes:
-            n = n * 2 // 3
-        found = [n]
-        while found[-1] > 2 * _LEAST_FACES and len(found) < _MOST_LEVELS:
-            found.append(found[-1] * 2 // 3)
+    def reaching(self, db: float, output: PathLike) -> tuple[Trial, ModelComparison]:
+        """Return the smallest model found whose mean PSNR is `db` at least, and its pictures.
+
+        Small pictures choose a model, and large ones of its file decide whether it is close
+        enough. The difference of both figures corrects the next search.
+        """
+        found: tuple[Trial, ModelComparison] | None = None
+        counts = self._ladder()
+        trial, before = self._trial(counts[(len(counts) - 1) // 2], _UNLIMITED), None
+        for n_searches in range(_MOST_SEARCHES):
+            before, pictures = trial, self._pictures(trial, output)
+            surplus = pictures.mean_db - db
+            if surplus >= 0.0 and (found is None or trial.n_bytes < found[0].n_bytes):
+                found = trial, pictures
+            is_near = n_searches > 0 and 0.0 <= surplus < _SLACK_DB
+            if is_near or not math.isfinite(trial.db - surplus):
+                break
+            trial = self._smallest(trial.db - surplus)
+            if trial is before:
+                break
+        if found is None:
+            finest = self._trial(counts[0], _UNLIMITED)
+            pictures = self._pictures(finest, output)
+            if pictures.mean_db < db:
+                reached = math.floor(10.0 * pictures.mean_db) / 10.0
+                raise OptionError(
+                    f"min_psnr: the closest result for {self.source.mesh.name} has {reached:.1f} "
+                    "dB; reduce `min_psnr`, or increase `n_faces` or `size`"
+                )
+            found = finest, pictures
         return found
 
+    def _smallest(self, db: float) -> Trial:
+        """Return the smallest model found with `db` in small pictures; the finest if none has."""
+        counts = self._ladder()
+        first, last = -1, len(counts) - 1
+        while first < last:
+            middle = (first + last + 1) // 2
+            if self._trial(counts[middle], _UNLIMITED).db >= db:
+                first = middle
+            else:
+                last = middle - 1
+        best = self._trial(counts[max(first, 0)], _UNLIMITED)
+        if first < 0:
+            return best
+        best = self._with_fewer_bytes(counts[first], best, db)
+        for n_faces in counts[:first][::-1]:
+            trial = self._trial(n_faces, int(_LESS * best.n_bytes))
+            if trial.db < db:
+                break
+            best = self._with_fewer_bytes(n_faces, trial, db)
+        return best
+
+    def _with_fewer_bytes(self, n_faces: int, best: Trial, db: float) -> Trial:
+        low = self._trial(n_faces, 0).n_bytes
+        for _ in range(_MOST_PROBES):
+            if _LESS * best.n_bytes <= low:
+                break
+            middle = math.isqrt(low * best.n_bytes)
+            trial = self._trial(n_faces, middle)
+            if trial.db >= db:
+                best = trial
+            else:
+                low = middle
+        return best
+
+    def _pictures(self, trial: Trial, output: PathLike) -> ModelComparison:
+        """Return pictures of a trial in the views of the result."""
+        source = self.source
+        with scratch_folder() as folder, source.stages.part("compare"):
+            path = folder / Path(output).name
+            source.write(trial.light_model, trial.materials, path)
+            return compare_models(
+                self.model, path, n_views=source.options.views, at_rest=True,
+                threads=source.options.threads, progress=source.progress,
+            )  # fmt: skip
+
+    def _ladder(self) -> list[int]:
+        """Return numbers of triangles, from many to few."""
+        options, n = self.source.options, self.source.mesh.n_faces
+        counts = [n if options.n_faces is None else min(options.n_faces, n)]
+        while counts[-1] > 2 * _LEAST_FACES:
+            counts.append(counts[-1] * 2 // 3)
+        return counts
+
+    def _face_counts(self, n_bytes: int) -> list[int]:
+        counts = self._ladder()
+        each = _CODED_BYTES if self.source.options.compress else _BYTES
+        fit = [i for i, n in enumerate(counts) if n * each <= n_bytes]
+        first = min(fit, default=len(counts) - 1)
+        return counts[first : first + _MOST_LEVELS]
+
     def _trial(self, n_faces: int, n_bytes: int) -> Trial:
+        key = n_faces, n_bytes
+        if key not in self._trials:
+            self._trials[key] = self._new_trial(n_faces, n_bytes)
+        return self._trials[key]
+
+    def _new_trial(self, n_faces: int, n_bytes: int) -> Trial:
         if n_faces not in self._levels:
             self._levels[n_faces] = self.source.lightened(n_faces, is_trial=True)
         light_model = self._levels[n_faces]
         with scratch_folder() as folder:
             path = folder / "trial.glb"
-            files = self._cheapest(light_model)
+            is_finest = n_bytes == _UNLIMITED
+            files = self._coded(light_model, -1 if is_finest else 0)
             size = self._write(light_model, files, path)
-            if size <= n_bytes:
+            if size <= n_bytes and not is_finest:
                 n_others = size - sum(map(len, files.values()))
                 files = self._chosen(light_model, n_bytes - n_others)
                 size = self._write(light_model, files, path)
             materials = with_files(light_model.materials, files)
             if size > n_bytes:
                 return Trial(light_model=light_model, materials=materials, n_bytes=size, db=0.0)
-            options = RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)
             with self.source.stages.part("compare trials"):
                 found = compare_models(
-                    self.model, path, n_views=_VIEWS, options=options, at_rest=True,
+                    self._before, path, n_views=self._n_views, options=_OPTIONS, at_rest=True,
                     threads=self.source.options.threads,
                 )  # fmt: skip
         return Trial(light_model=light_model, materials=materials, n_bytes=size, db=found.mean_db)
@@ -137,9 +251,11 @@ class Budget:
             sides.append(sides[-1] // 2)
         return sides[::-1]
 
-    def _cheapest(self, light_model: LightModel) -> dict[str, bytes]:
+    def _coded(self, light_model: LightModel, i: int) -> dict[str, bytes]:
+        """Files of pictures of the cheapest coding, 0, or of the finest, -1."""
+
         def code(picture: Picture) -> bytes:
-            return self._coding(picture, self._sides(picture)[0], _QUALITIES[0]).data
+            return self._coding(picture, self._sides(picture)[i], _QUALITIES[i]).data
 
         return coded_pictures(light_model.pictures, code, threads=self.source.options.threads)
 
@@ -186,7 +302,7 @@ class Budget:
         return found
 
     def _coding(self, picture: Picture, side: int, quality: int) -> _Coding:
-        key = id(picture), side, quality
+        key = _identity(picture), side, quality
         if key not in self._codings:
             codes = picture.at_side(side)
             encoding = self.source.options.images
@@ -198,13 +314,18 @@ class Budget:
 
     def _error_of(self, picture: Picture, side: int) -> float:
         """Mean squared error of a picture that is scaled down to a side."""
-        key = id(picture), side
+        key = _identity(picture), side
         if key not in self._of_sides:
             small = picture.at_side(side)
             height, width = picture.codes.shape[:2]
             large = resized(small.astype(np.float32), width, height)
             self._of_sides[key] = _squared(large, picture.codes, picture.is_cut)
         return self._of_sides[key]
+
+
+def _identity(picture: Picture) -> Hashable:
+    """What pictures have in common that are one image of several lightened models."""
+    return (picture.name, picture.file) if picture.file else id(picture)
 
 
 def _weight(picture: Picture) -> float:

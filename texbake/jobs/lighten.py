@@ -5,7 +5,7 @@ Texture coordinates that are an atlas stay, and so do the images; a model withou
     model ─ simplify ─┬──────────► bake normals ───────┬─ encode images ─► one GLB file
                       └─ unwrap ─► bake every channel ─┘
 
-With a target size, this is repeated for several numbers of triangles; see `Budget`.
+With a target size or a least PSNR, this is repeated for several numbers of triangles; see `Budget`.
 """
 
 from __future__ import annotations
@@ -151,19 +151,14 @@ def lighten(
         rig = read_rig(model)
     whole = Source(source, materials, rig, options, stages, progress)
     n_bytes_before = model_bytes(model, _images(materials))
-    if options.target_bytes is not None:
-        trial = Budget(model, whole).within(options.target_bytes)
-        light_model, written = trial.light_model, trial.materials
-    else:
-        light_model = whole.lightened(whole.n_faces)
-        with stages.part("encode images"):
-            written = _coded(light_model, options)
+    light_model, written, comparison = _lightened(model, whole, output)
     with stages.part("write"):
         rig = whole.write(light_model, written, output)
     warnings = [*left_out(model, rig)]
-    comparison = None
     n_parts = max(len(materials.materials), len(source.group_names))
-    if options.views and html is None and n_parts > _MOST_PARTS:
+    if comparison is not None:
+        warnings += compared_without(model, materials)
+    elif options.views and html is None and n_parts > _MOST_PARTS:
         warnings.append(f"{Path(model).name}: {_NOT_COMPARED}")
     elif options.views:
         warnings += compared_without(model, materials)
@@ -194,6 +189,22 @@ def lighten(
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done
+
+
+def _lightened(
+    model: PathLike, whole: Source, output: PathLike
+) -> tuple[LightModel, Materials, ModelComparison | None]:
+    """Return what `output` gets, with the files of its images; and its pictures, if drawn."""
+    options, comparison = whole.options, None
+    if options.target_bytes is not None:
+        trial = Budget(model, whole).within(options.target_bytes)
+    elif options.min_psnr is not None:
+        trial, comparison = Budget(model, whole).reaching(options.min_psnr, output)
+    else:
+        light_model = whole.lightened(whole.n_faces)
+        with whole.stages.part("encode images"):
+            return light_model, _coded(light_model, options), None
+    return trial.light_model, trial.materials, comparison
 
 
 def _coded(light_model: LightModel, options: LightenOptions) -> Materials:

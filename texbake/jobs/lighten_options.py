@@ -91,6 +91,14 @@ class LightenOptions(CheckedOptions):
         metavar="BYTES",
         default="no limit",
     )
+    min_psnr: float | None = option(
+        None,
+        "Least mean PSNR of the pictures of the result in dB, such as 30: triangles, and sides and "
+        "qualities of images, are those of the smallest file found.",
+        metavar="DB",
+        above=0,
+        default="no limit",
+    )
     compress: bool = option(
         False,
         "Compress vertices and triangles by EXT_meshopt_compression.",
@@ -112,10 +120,17 @@ class LightenOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_angle(self.normals, self.angle)
-        if self.target_bytes is not None and self.image_quality is not None:
+        search = "target_size" if self.target_bytes is not None else "min_psnr"
+        if self.min_psnr is not None:
+            if self.target_bytes is not None:
+                raise OptionError("min_psnr, target_size: a search has one goal; omit one of them")
+            if self.views == 0:
+                raise OptionError("min_psnr: pictures are needed to measure it; increase `views`")
+        elif self.target_bytes is None:
+            return
+        if self.image_quality is not None:
             raise OptionError(
-                "image_quality: `target_size` chooses a quality for each image; "
-                "leave one of them out"
+                f"image_quality: `{search}` chooses a quality for each image; leave one of them out"
             )
 
     @property

@@ -29,7 +29,7 @@ from texbake.mesh.files import read_mesh
 from texbake.progress import Progress, Stages
 from texbake.records import dataclass
 from texbake.rendering.camera import Camera
-from texbake.rendering.draw import draw, prepare, share_environment
+from texbake.rendering.draw import Prepared, draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
 from texbake.rendering.resolve import Frame, expose
@@ -74,8 +74,34 @@ class ModelComparison:
         return self.psnr_db.index(self.worst_db)
 
 
+@dataclass(frozen=True, eq=False)
+class ModelToDraw:
+    """A model in the light of the room, and what drawing it has computed for further pictures."""
+
+    scene: Scene
+    prepared: Prepared
+
+
+def model_to_draw(
+    path: PathLike,
+    *,
+    options: RenderOptions | None = None,
+    at_rest: bool = False,
+    threads: int | None = None,
+) -> ModelToDraw:
+    """Read a model that is compared with several others, by the options of `compare_models`."""
+    scene = model_scene(path, at_rest=at_rest)
+    return ModelToDraw(scene, prepare(scene, _render_options(options), threads=threads))
+
+
+def _render_options(options: RenderOptions | None) -> RenderOptions:
+    options = options or RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)
+    # Every sample is shaded, so that detail finer than a pixel counts in full.
+    return replace(options, edges="supersample")
+
+
 def compare_models(
-    before: PathLike,
+    before: PathLike | ModelToDraw,
     after: PathLike,
     *,
     n_views: int = N_VIEWS,
@@ -90,20 +116,23 @@ def compare_models(
     """
     if n_views < 1:
         raise OptionError(f"n_views: {n_views} is below 1; give at least one view")
-    options = options or RenderOptions(width=_PICTURE_PX, height=_PICTURE_PX)
-    # Every sample is shaded, so that detail finer than a pixel counts in full.
-    options = replace(options, edges="supersample")
+    chosen = _render_options(options)
     stages = Stages(progress)
     with stages.stage("read models"):
-        scenes = [model_scene(path, at_rest=at_rest) for path in (before, after)]
-        models = [prepare(scene, options, threads=threads) for scene in scenes]
+        both = [
+            model
+            if isinstance(model, ModelToDraw)
+            else model_to_draw(model, options=options, at_rest=at_rest, threads=threads)
+            for model in (before, after)
+        ]
+    scenes, models = [model.scene for model in both], [model.prepared for model in both]
     shapes = [outline(item) for scene in scenes for item in scene.objects]
     views = sphere_views(n_views)
     pictures: tuple[list[Picture], list[Picture]] = ([], [])
     errors: list[tuple[float, int]] = []
     with stages.stage("compare pictures", total=n_views, unit="views") as advance:
         for view in views:
-            seen = replace(options, view=(*view, None))
+            seen = replace(chosen, view=(*view, None))
             camera = Camera.framing(*shapes, options=seen)
             frames = []
             for model in models:
@@ -122,7 +151,7 @@ def compare_models(
         views=views,
         before=tuple(pictures[0]),
         after=tuple(pictures[1]),
-        names=(Path(before).name, Path(after).name),
+        names=(scenes[0].name, scenes[1].name),
         n_faces=tuple(sum(item.mesh.n_faces for item in scene.objects) for scene in scenes),
         notes=tuple(f"{scene.name}: {note}" for scene in scenes for note in scene.notes),
     )
