@@ -65,6 +65,7 @@ def test_report_has_settings_figures_and_the_coding_of_heights(workplace, invoke
     invoke(f"{line} --mid 0.25 --scale 0.5")
     report = json.loads(Path("r.json").read_text())
     assert report["options"]["mid"] == 0.25
+    assert report["inputs"] == {"high": ["high.ply"], "low": ["low.obj"]}
     assert report["texels_covered"] > 0
     assert report["files"]["displacement"] == {
         "path": "d.png",

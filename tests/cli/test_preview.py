@@ -119,7 +119,8 @@ def test_a_plan_alone_draws_nothing(invoke, scene):
     plan = json.loads(invoke("preview ball.toml --plan-only --explain json").stdout)
     assert {"name", "does", "called_for_by"} == set(plan["passes"][0])
     invoke("preview ball.toml --plan-only --report plan.json")
-    assert json.loads((scene / "plan.json").read_text()) == plan
+    inputs = {"inputs": {"input": ["ball.toml"]}}
+    assert json.loads((scene / "plan.json").read_text()) == plan | inputs
 
 
 def test_json_has_the_times_of_the_passes(invoke, scene):

@@ -173,8 +173,9 @@ def verb(
         def whole(*args: Any, **more: Any) -> Any:
             arguments = {**names.bind(*args, **more).arguments, **more}
             with appearing_together():
-                _check_files(made, arguments)
-                return _reported(run(*args, **more), arguments.get("report"))
+                inputs = _inputs(made, arguments)
+                _check_files(made, arguments, inputs)
+                return _reported(run(*args, **more), arguments.get("report"), inputs)
 
         made = Verb(
             name=re.sub("_files?$", "", run.__name__).replace("_", "-"), run=whole, parts=parts,
@@ -219,16 +220,21 @@ def outputs_like(inputs: Any, output: Any) -> list[Path]:
     return [Path(output) / path.name for path in sources]
 
 
-def _check_files(verb: Verb, arguments: Mapping[str, Any]) -> None:
+def _inputs(verb: Verb, arguments: Mapping[str, Any]) -> dict[str, list[Path]]:
+    """Files that a verb reads, by the names of its parameters and options."""
+    options = arguments.get("options")
+    return {
+        part.name: paths_of(arguments.get(part.name, getattr(options, part.name, None)))
+        for part in verb.of_kind(Reads)
+    }
+
+
+def _check_files(
+    verb: Verb, arguments: Mapping[str, Any], inputs: Mapping[str, list[Path]]
+) -> None:
     """Raise where an output cannot be written, or is an input or another output as well."""
     from texbake.jobs.outputs import OUTPUT_CHECKS, check_distinct, check_mesh
 
-    inputs = {
-        part.name: paths_of(
-            arguments.get(part.name, getattr(arguments.get("options"), part.name, None))
-        )
-        for part in verb.of_kind(Reads)
-    }
     outputs: dict[Writes, list[Path]] = {}
     for part in verb.of_kind(Writes):
         output = arguments.get(part.name)
@@ -252,11 +258,14 @@ def _check_files(verb: Verb, arguments: Mapping[str, Any]) -> None:
                 OUTPUT_CHECKS[part.kind](path)
 
 
-def _reported(result: JobResult[Any], report: Any) -> JobResult[Any]:
-    """Write the report of a result, if a file for it is given."""
+def _reported(
+    result: JobResult[Any], report: Any, inputs: Mapping[str, list[Path]]
+) -> JobResult[Any]:
+    """Write the report of a result and the files it is made from, if a file for it is given."""
     if report is None or Path(report) in result.files:
         return result
     from texbake.jobs.outputs import write_report
 
-    write_report(report, result.to_json())
+    files = {name: [str(path) for path in paths] for name, paths in inputs.items() if paths}
+    write_report(report, {**result.to_json(), "inputs": files})
     return replace(result, files=(*result.files, Path(report)))
