@@ -20,6 +20,7 @@ from texbake.errors import (
 )
 from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files
+from texbake.jobs.light_models import Source
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import RunOptions
@@ -38,8 +39,11 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.rig import read_rig
 from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.topology import face_components
+from texbake.progress import Stages
 from texbake.rendering.compare_models import compare_models
 from texbake.texture.image import decode_image, write_image
+from texbake.texture.model_materials import without_damaged_images
 from texbake.verbs.whole_jobs import lighten_file, run_files
 
 OPTIONS = LightenOptions(n_faces=600, uvs="new", size=256, images="png", views=0)
@@ -441,6 +445,24 @@ def test_parts_that_were_dropped_are_named(tmp_path):
     assert "small separate parts were dropped" in done.warnings
 
 
+def test_no_part_is_dropped_where_coordinates_stay(tmp_path):
+    balls = read_mesh(atlas_of_balls(tmp_path, overlap=False, rows=6))
+    row = [
+        balls.replace(positions=balls.positions + np.array([0.0, 3.0 * i, 0.0])) for i in range(20)
+    ]
+    mesh = join_meshes(row)
+    codes = np.full((64, 64, 3), 90, np.uint8)
+    paint = ChannelSource((1.0, 1.0, 1.0), picture(tmp_path, "paint.png", codes))
+    items = (MeshMaterial(name="unused"), MeshMaterial(name="a", channels={"base-color": paint}))
+    materials = Materials(face_materials=np.ones(mesh.n_faces, np.int32), materials=items)
+    whole = Source(mesh, materials, None, replace(KEPT, n_faces=200), Stages(), None)
+    with pytest.raises(MeshError, match="texture coordinates, holes and separate parts need "):
+        whole.lightened(200)
+    kept = whole.lightened(200, is_trial=True)
+    assert face_components(kept.mesh.faces, kept.mesh.n_vertices)[1] == 60
+    assert [material.name for material in kept.materials.materials] == ["a"]
+
+
 @pytest.mark.parametrize("uvs", ["keep", "new"])
 def test_a_number_of_triangles_that_cannot_be_reached_is_an_error(tmp_path, uvs):
     mesh = sponge(2)
@@ -532,6 +554,20 @@ def test_images_of_one_stem_get_names_of_their_own(tmp_path):
     files = {paint.name: paints[0].data for paint in paints}
     names = [m.channels["base-color"].image.name for m in with_files(materials, files).materials]
     assert names == ["a.png", "a_2.png"]
+
+
+def test_damaged_images_of_extensions_are_left_out(tmp_path):
+    image = picture(tmp_path, "thickness.png", np.full((8, 8, 3), 90, np.uint8))
+    image = replace(image, data=image.data[: len(image.data) // 2])
+    volume = {"KHR_materials_volume": {"thicknessFactor": 2.0, "thicknessTexture": image}}
+    materials = Materials(
+        face_materials=np.zeros(1, np.int32),
+        materials=(MeshMaterial(name="glass", extensions=volume),),
+    )
+    found, (line,) = without_damaged_images(materials)
+    assert line.startswith("glass: ") and line.endswith("; written without its thicknessTexture")
+    (glass,) = found.materials
+    assert glass.extensions == {"KHR_materials_volume": {"thicknessFactor": 2.0}}
 
 
 def test_images_of_extensions_are_encoded_as_well(tmp_path):

@@ -23,7 +23,7 @@ from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import DEFAULT_PADDING, UnwrapOptions
 from texbake.mapping.overlap import find_overlaps, layout_notes
 from texbake.mesh.files.gltf_write import write_glb
-from texbake.mesh.hard_edges import LowNormals, with_normals
+from texbake.mesh.hard_edges import LowNormals, has_hard_edges, with_normals
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, object_names, without_borders
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 # Materials with images that `auto` keeps. More are slow to draw.
 _MOST_TEXTURED = 8
-_MORE_WITH_KEPT_UVS = "request more, or use `uvs` new"
+_SEAMS = "texture coordinates, holes"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,7 +99,8 @@ class Source:
             return kept
         if not is_auto:
             if self.options.n_faces is not None:
-                check_count(simplified.n_faces, n_faces, self.mesh.name, _MORE_WITH_KEPT_UVS)
+                n, more = simplified.n_faces, "request more, or use `uvs` new"
+                check_count(n, n_faces, self.mesh.name, more, _SEAMS)
             return kept
         again = self._with_new_uvs(n_faces)
         note = (
@@ -122,7 +123,7 @@ class Source:
             compress=options.compress,
             quantize=options.quantize,
             rig=rig,
-            # What is baked, programs shall not read in another way.
+            # Programs that compute other tangents would shade the baked normal map differently.
             tangents=self.mesh.tangents is not None or light_model.baked is not None,
         )
         return rig
@@ -175,7 +176,7 @@ class Source:
                     low = with_source_normals(low, high, threads=threads)
             if rule.choice != "auto":
                 low = with_normals(low, rule.choice, angle=rule.angle)
-        baked, size = None, None
+        materials, baked, size = materials.used(), None, None
         if report is not None and _is_atlas(low, threads):
             low_poly = reaching(low, report)
             with self.stages.part("bake"):
@@ -235,6 +236,12 @@ class Source:
         with stages.part("simplify"):
             high, rule, notes = self._oriented()
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
+            has_lost_edges = (
+                rule.choice == "auto" and low.normals is None and has_hard_edges(high)
+                and low_poly is not None and not low_poly.is_of_wrap
+            )  # fmt: skip
+            if has_lost_edges:  # smooth normals would see other sides of thin parts
+                rule = replace(rule, choice="angle")
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
         maps = transferred_channels(materials)
@@ -293,6 +300,8 @@ class Source:
         with self.stages.part("bake"):
             chosen = options.bake_options(tuple(maps), atlas.size, atlas.padding)
             chosen = chosen if low_poly is None else low_poly.aimed(chosen)
+            if rule.choice != options.normals:  # it lost its hard edges
+                chosen = replace(chosen, rays="vertex")
             # Each object of few is baked from itself; of many, all from all, which takes less time.
             are_few = len(set(low.group_objects)) <= _MOST_PAIRED
             baked = bake_objects(

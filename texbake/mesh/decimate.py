@@ -55,6 +55,7 @@ class VertexStream:
     object_ids: IntArray | None = None
     poses: FloatArray | None = None  # (P, S, 3) float64: positions on the grid in other poses
     normals: FloatArray | None = None  # (N, 3) float64: of the mesh, where their errors count
+    is_smooth: bool = False  # whether there is one normal at each position
 
     @property
     def has_seams(self) -> bool:
@@ -88,8 +89,9 @@ class VertexStream:
         if self.poses is not None:
             kept["poses"] = self.poses[:, used]
         return VertexStream(
-            faces, self.points[used], self.position_ids[used], normals=self.normals, **kept
-        )
+            faces, self.points[used], self.position_ids[used], normals=self.normals,
+            is_smooth=self.is_smooth, **kept,
+        )  # fmt: skip
 
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
@@ -105,19 +107,20 @@ def weld_corners(mesh: Mesh, *, shades: bool = False, threads: int | None = None
     firsts = weld_vertices(mesh, threads=threads)
     is_first = np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32))
     places = mesh.faces if is_first else firsts[mesh.faces]
-    columns = {}
+    columns, is_smooth = {}, False
     if mesh.uvs is not None:
         columns["uv_ids"] = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
     if mesh.normals is not None:
         normals = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
         normal_of = np.empty(mesh.n_vertices, dtype=np.int32)
         normal_of[places] = normals  # of several, any one
-        if shades or (normal_of[places] != normals).any():
+        is_smooth = bool((normal_of[places] == normals).all())
+        if shades or not is_smooth:
             columns["normal_ids"] = normals
     if mesh.face_groups is not None and has_borders(mesh):
         columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
     stream = _weld(mesh, places, columns, threads)
-    return replace(stream, normals=mesh.normals) if shades else stream
+    return replace(stream, normals=mesh.normals, is_smooth=is_smooth) if shades else stream
 
 
 def _weld(

@@ -174,6 +174,13 @@ def hardened(mesh: Mesh, one: HalfEdges, other: HalfEdges, is_hard: BoolArray) -
     return mesh.replace(**normals, tangents=None)
 
 
+def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
+    """Whether a mesh has edges that its own normals make hard, other than those of facets."""
+    if mesh.normals is None or is_flat_shaded(mesh, threads=threads):
+        return False
+    return bool(normals_jump(mesh, *inner_edges(mesh)).any())
+
+
 def normals_jump(mesh: Mesh, one: HalfEdges, other: HalfEdges) -> BoolArray:
     """(E,) bool: edges whose faces have normals more than a degree apart at either end."""
     assert mesh.normals is not None

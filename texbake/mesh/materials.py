@@ -204,6 +204,12 @@ class Materials:
         materials = tuple(material.on_uv_sets(()) for material in self.materials)
         return replace(self, materials=materials, uv_sets={})
 
+    def used(self) -> Materials:
+        """Return the materials that faces have, numbered without gaps."""
+        numbers, ids = np.unique(self.face_materials, return_inverse=True)
+        items = tuple(self.materials[number] for number in numbers.tolist())
+        return replace(self, face_materials=ids.ravel().astype(np.int32), materials=items)
+
     def only(self, channels: Collection[str]) -> Materials:
         """Return the materials with some of their channels."""
         kept = tuple(

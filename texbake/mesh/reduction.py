@@ -86,15 +86,18 @@ def reduced(
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
     If it `shades`, changes of the mesh's own normals count as well, and those that are left stay
-    as they are. Vertices stay where they are: pictures are closer than of moved ones.
+    as they are. Vertices stay where they are: pictures are closer than of moved ones. No part is
+    dropped, since it would leave a hole in pictures.
     """
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
-        low = reduced(mesh.replace(normals=None, normal_faces=None), n_faces, options, threads)
+        bare = mesh.replace(normals=None, normal_faces=None)
+        low = reduced(bare, n_faces, options, threads, shades=shades)
         return noted(low, "its normals are those of its facets: none of its edges counts as hard")
     if _is_without_charts(mesh):
-        low = reduced(mesh.replace(uvs=None, uv_faces=None), n_faces, options, threads)
+        bare = mesh.replace(uvs=None, uv_faces=None)
+        low = reduced(bare, n_faces, options, threads, shades=shades)
         return noted(low, "its texture coordinates, where no face has an area, were left out")
     stream = weld_corners(mesh, shades=shades, threads=threads)
     start = bring_down(stream, n_faces, threads=threads)
@@ -102,7 +105,8 @@ def reduced(
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"
         )
-    result = _fast(mesh, start, n_faces, options.seams, threads)
+    attempts = _attempts(mesh, start, n_faces, options.seams, threads, drops=not shades)
+    result = _fast(mesh, attempts, n_faces, threads)
     if options.quality == "best" and start.normals is None:
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
@@ -149,16 +153,14 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
     return f"{n_left} of the {n_faces} requested faces are left: {reason}"
 
 
-def _fast(
-    mesh: Mesh, start: VertexStream, n_faces: int, seams: str, threads: int | None
-) -> Reduction:
+def _fast(mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int | None) -> Reduction:
     """The first attempt that reaches the count and lies about as close as any that does.
 
     What gives up nothing is taken at once. Else measuring decides, because none of the sacrifices
     is always the lesser one: of a mesh of many parts, dropping parts can leave next to nothing.
     """
     results: list[Reduction] = []
-    for stream, reduce, method, notes in _attempts(mesh, start, n_faces, seams, threads):
+    for stream, reduce, method, notes in attempts:
         low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
         if low is None:
             continue
@@ -190,18 +192,33 @@ def noted(result: Reduction, note: str) -> Reduction:
     return replace(result, notes=(*result.notes, note))
 
 
+# A stream, what reduces it to a number of faces, the name of that, and notes.
+_Attempt = tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]
+
+
 def _attempts(
-    mesh: Mesh, stream: VertexStream, n_faces: int, seams: str, threads: int | None
-) -> Iterator[tuple[VertexStream, Callable[[int], IntArray], str, tuple[str, ...]]]:
-    """Yield attempts to reach the count, each giving up more than the one before, with notes."""
+    mesh: Mesh,
+    stream: VertexStream,
+    n_faces: int,
+    seams: str,
+    threads: int | None,
+    *,
+    drops: bool,
+) -> Iterator[_Attempt]:
+    """Yield attempts to reach the count, each giving up more than the one before.
+
+    Small parts may be given up if it `drops` some.
+    """
     notes: tuple[str, ...] = ()
     while True:
         if boundary_fits(stream, n_faces):
             yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
         yield stream, partial(collapse_stream, stream), _COLLAPSES, notes
-        for large in without_small_parts(stream, n_faces):
+        for large in without_small_parts(stream, n_faces) if drops else ():
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
         given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
+        if stream.is_smooth:
+            given_up = replace(given_up, normal_ids=None)
         if not given_up.has_seams:
             break
         notes = (f"{_GIVEN_UP} {_seams(given_up)}",)

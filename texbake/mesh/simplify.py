@@ -173,7 +173,7 @@ def simplify_with_report(
 ) -> tuple[Mesh, SimplifyReport]:
     """Simplify, and report the method and the distance, from `source` if it was reduced.
 
-    If it `shades`, the mesh's own normals count as well, and stay.
+    If it `shades`, the mesh's own normals count as well, and stay, as all its parts do.
     """
     mesh = as_mesh(mesh)
     stages = Stages(progress)
@@ -226,11 +226,13 @@ def measured_to(
     )
 
 
-def check_count(n_faces: int, n_asked: int | None, name: str, remedy: str) -> None:
+def check_count(
+    n_faces: int, n_asked: int | None, name: str, remedy: str, needs: str = "holes, tunnels"
+) -> None:
     """Raise `MeshError` if more faces than requested are left, by over 1 %."""
     if n_asked is not None and n_faces > (1.0 + SLACK) * n_asked:
         raise MeshError(
-            f"{name}: {n_asked:,} triangles cannot be reached, because its holes, tunnels and "
+            f"{name}: {n_asked:,} triangles cannot be reached, because its {needs} and "
             f"separate parts need {n_faces:,}; {remedy}"
         )
 

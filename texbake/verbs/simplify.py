@@ -326,5 +326,5 @@ STEP = step_of(
     outputs=_levels,
     run=_step,
     memory=lambda settings, sizes: PROCESS + 300 * n_faces(sizes, "mesh"),
-    revision=2,
+    revision=3,
 )

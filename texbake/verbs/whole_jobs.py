@@ -170,6 +170,7 @@ RUN = step_of(
     outputs=_run_files,
     run=_run_step,
     memory=_run_memory,
+    revision=2,
 )
 
 
