@@ -160,7 +160,7 @@ def _cut_images(materials: Materials) -> set[str]:
     cut: set[str] = set()
     shown: set[str] = set()
     for material in materials.materials:
-        names = {source.image.name for source in material.channels.values() if source.image}
+        names = {image.name for image in material.images}
         alpha = material.channels.get("alpha")
         own = alpha.image if alpha is not None and material.alpha_mode != "opaque" else None
         cut |= {own.name} if own else set()

@@ -85,7 +85,15 @@ def without_damaged_images(materials: Materials) -> tuple[Materials, tuple[str, 
                 del channels[name]
             else:
                 channels[name] = ChannelSource(source.fallback or source.factor)
-        changed.append(replace(material, channels=channels))
+        extensions = {}
+        for owner, properties in material.extensions.items():
+            extensions[owner] = dict(properties)
+            for key, value in properties.items():
+                if isinstance(value, ChannelImage) and (reason := _damage(value, reasons)):
+                    line = f"{shortened(material.name)}: {reason}; written without its {key}"
+                    lines.append((key, line))
+                    del extensions[owner][key]
+        changed.append(replace(material, channels=channels, extensions=extensions))
     damaged = [Path(name).name for name, reason in reasons.items() if reason]
     found = replace(
         materials,
