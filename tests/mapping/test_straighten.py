@@ -10,6 +10,7 @@ from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges, seam_length
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.symmetry import MirrorPlane
 from texbake.mesh.topology import opposite_half_edges
@@ -125,3 +126,24 @@ def test_a_border_moves_to_the_mirror_image_of_that_of_the_other_half():
     _, places = border_of(mesh, straightened(mesh, labels, costs, width=0.5))
     inner = places[(places[:, 0] > 0.7) & (places[:, 0] < 0.8)]
     assert len(inner) and (np.abs(inner[:, 1] - 0.3) < 0.03).all()
+
+
+@pytest.mark.parametrize("seed", [0, 50])  # in 50, the kernel moves such a face alone
+def test_faces_without_area_stay_in_one_chart_each(seed):
+    ball = icosphere(2)
+    rng = np.random.default_rng(seed)
+    points = np.round(ball.positions * rng.uniform(0.3, 2.0, 3) * 64.0) / 1024.0
+    split = rng.permutation(ball.n_faces)[:106]
+    a, b, c = ball.faces[split].T  # each becomes two faces, and one without area at a T-junction
+    middle = ball.n_vertices + np.arange(len(split))
+    points = np.concatenate([points, (points[a] + points[b]) / 2.0])
+    pieces = [(a, middle, c), (middle, b, c), (a, b, middle)]
+    faces = np.concatenate(
+        [np.delete(ball.faces, split, axis=0), *(np.stack(each, axis=1) for each in pieces)]
+    )
+    mesh = Mesh(positions=points, faces=faces.astype(np.int32), name="slivers")
+    surface = surface_of(mesh)
+    weights = edge_weights(surface)
+    charts = cut_charts(mesh, surface, quality="good", weights=weights)
+    now = straighten_charts(surface, charts, weights)
+    assert np.array_equal(now.solid, charts.solid)

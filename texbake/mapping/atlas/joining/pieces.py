@@ -157,10 +157,12 @@ def charts_of(pieces: Sequence[ChartPiece], charts: Charts) -> Charts:
     """Turn pieces back into charts, each with its area in space and about its own origin."""
     pieces = sorted(pieces, key=lambda piece: int(piece.face_ids[0]))
     sizes = np.array([len(piece.points) for piece in pieces])
-    faces = np.empty_like(charts.faces)
+    solid = charts.solid
+    owned = np.concatenate([piece.face_ids for piece in pieces])
+    assert np.array_equal(np.bincount(owned, minlength=len(solid)), solid), "one piece for each"
+    faces = np.zeros_like(charts.faces)
     for piece, first in zip(pieces, np.cumsum(sizes) - sizes, strict=True):
         faces[piece.face_ids] = piece.faces + first
-    solid = charts.solid
     # A face without a chart stays at its vertex.
     now = np.zeros(len(charts.uvs), dtype=np.int32)
     now[charts.faces[solid][::-1].ravel()] = faces[solid][::-1].ravel()

@@ -104,7 +104,7 @@ def _straightened(
             if found is None:
                 own = np.unique(areas[moved & ((before == label) | (after == label))])
                 less = own[own < (1.0 - _SAME) * own[len(own) // 2]]
-                limit = less[-1] * (1.0 + _SAME) if len(less) else 0.0
+                limit = less[-1] * (1.0 + _SAME) if len(less) else -1.0  # areas may be 0
                 both = [label, partners[label]]
                 most[both] = np.minimum(most[both], limit)
         tried = after
