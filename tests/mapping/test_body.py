@@ -9,7 +9,7 @@ from texbake.core import core
 from texbake.mapping.atlas.atlas import make_atlas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
-from texbake.mapping.atlas.cutting.body import face_energies, flatten_body
+from texbake.mapping.atlas.cutting.body import _Body, face_energies, flatten_body
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.joining.necks import divide_at_necks
@@ -19,6 +19,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import find_overlaps
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere
+from texbake.mesh.symmetry import MirrorPlane
 from texbake.progress import Stages
 
 
@@ -86,6 +87,15 @@ def test_a_body_becomes_one_disk_of_little_stretch(mesh):
     edges = np.sort(np.stack([body.faces, np.roll(body.faces, -1, axis=1)], axis=2), axis=2)
     n_edges = len(np.unique(edges.reshape(-1, 2), axis=0))
     assert len(body.flat.uvs) + len(body.faces) - n_edges == 1
+
+
+def test_a_path_of_one_vertex_has_no_mirror_image():
+    surface = surface_of(icosphere(2))
+    corners, _, opposite = surface.joints
+    plane = MirrorPlane(np.array([1.0, 0.0, 0.0]), 0.0, 0.0)
+    body = _Body(surface.points[corners], opposite, edge_weights(surface).ravel(), plane)
+    body.cut_image([3])
+    assert not body.has_seam
 
 
 def test_energies_are_those_of_singular_values():

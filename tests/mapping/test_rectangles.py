@@ -12,10 +12,11 @@ from texbake.mapping.atlas.cutting.cut import surface_of
 from texbake.mapping.atlas.rectangles import MOST_L2, tube_charts
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import find_overlaps
-from texbake.mapping.seams import chart_ids
+from texbake.mapping.seams import chart_ids, seam_edges
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import icosphere
+from texbake.mesh.topology import opposite_half_edges
 
 
 def grid(n_x, n_y):
@@ -105,6 +106,47 @@ def test_tubes_are_cut_open_whole(quality, bend):
     assert (signed_areas(flat.corner_uvs()) > 0.0).all()
     assert np.allclose(box_fill(flat), 1.0)
     assert l2(flat) < MOST_L2
+
+
+def twisted(closed):
+    """A tube or a torus of 16 x 24 quads, whose diagonals run straight along it."""
+    j, i = (each.ravel() for each in np.divmod(np.arange(24 * 16), 16))
+    n_rings = 24 if closed else 25
+    around = 2.0 * np.pi * np.add.outer(np.arange(n_rings), np.arange(16)).ravel() / 16.0
+    along = np.repeat(np.arange(n_rings), 16) * (2.0 * np.pi / 24.0)
+    if closed:
+        radius = 4.0 + np.cos(around)
+        points = [radius * np.cos(along), np.sin(around), radius * np.sin(along)]
+    else:
+        points = [np.cos(around), 2.3 * along, np.sin(around)]
+    ring, right, turn = (j + 1) % n_rings * 16, (i + 1) % 16, 8 if closed else 0
+    upper, upper_right = ((each - turn * (j == 23)) % 16 + ring for each in (i, right))
+    corners = np.stack([16 * j + i, upper, upper_right, 16 * j + right], axis=1)
+    faces = corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
+    polygons = np.repeat(np.arange(24 * 16, dtype=np.int32), 2)
+    return tb.Mesh(
+        positions=np.stack(points, axis=1), faces=faces, polygon_of=polygons, name="twisted"
+    )
+
+
+@pytest.mark.parametrize("closed", [False, True], ids=["tube", "torus"])
+def test_no_polygon_of_a_tube_is_cut(closed):
+    mesh = twisted(closed)
+    flat = tb.unwrap(mesh, straighten=True)
+    assert np.allclose(box_fill(flat), 1.0)
+    opposite = opposite_half_edges(mesh.faces)
+    edges = np.flatnonzero(opposite >= 0)
+    inner = edges[mesh.polygon_of[edges // 3] == mesh.polygon_of[opposite[edges] // 3]]
+    assert len(inner) == mesh.n_faces
+    assert not seam_edges(flat).ravel()[inner].any()
+
+
+@pytest.mark.parametrize("height", [0.3, 0.8, 1.0, 1.3])
+def test_short_tubes_are_unrolled_too(height):
+    tube = tb.make("cylinder", sides=24, height=2.0 * np.pi * height).replace(
+        uvs=None, uv_faces=None
+    )
+    assert len(tube_charts(surface_of(tube), MOST_L2)) == 1
 
 
 def test_a_pipe_between_caps_is_a_tube_and_a_flat_ring_is_none():

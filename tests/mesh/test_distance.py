@@ -151,3 +151,9 @@ def test_random_numbers_are_those_of_numpy(seed):
     values = np.empty(1000)
     core.draw_uniform(seed, values)
     assert np.array_equal(values, np.random.default_rng(seed).random(1000))
+
+
+def test_a_tree_without_faces_has_no_closest_point():
+    tree = TriangleTree.build(np.eye(3), np.empty((0, 3), np.int32))
+    distances, faces, weights = tree.closest_points(np.zeros((2, 3)))
+    assert np.isinf(distances).all() and (faces == -1).all() and (weights == 0.0).all()

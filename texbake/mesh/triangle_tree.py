@@ -121,6 +121,9 @@ class TriangleTree:
         distances = np.empty(len(points))
         face_ids = np.empty(len(points), dtype=np.int32)
         barycentrics = np.empty((len(points), 3))
+        if not len(self.order):
+            distances[:], face_ids[:], barycentrics[:] = np.inf, -1, 0.0
+            return distances, face_ids, barycentrics
 
         def work(start: int, stop: int) -> None:
             core.closest_points(

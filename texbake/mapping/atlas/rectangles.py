@@ -22,7 +22,7 @@ from texbake.mapping.atlas.cutting.body import cut_tube_open
 from texbake.mapping.atlas.cutting.parts import Part, connected_parts, split_parts
 from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.mesh.topology import (
     EdgeGraph,
     edge_keys,
@@ -100,20 +100,35 @@ def tube_charts(surface: ChartSurface, most_l2: float) -> list[tuple[IntArray, C
     cosines = pm.vecdot(np.repeat(normals, 3, axis=0), across)
     lengths = pm.norm(normals, axis=1)
     is_hard = cosines < _HARD * np.repeat(lengths, 3) * lengths[opposite // 3]
+    weights = np.where(_is_within_polygon(surface, opposite), np.inf, 1.0)
+    is_hard &= np.isfinite(weights)
     found: list[tuple[IntArray, Charts]] = []
     for around, strips in (opposite, True), (np.where(is_hard, -1, opposite), False):
         parts = split_parts(around, np.where(solid, connected_parts(around), -1))
-        for part, charts in zip(parts, _laid(surface, parts, strips, most_l2), strict=True):
+        laid = _laid(surface, parts, weights.reshape(-1, 3), strips, most_l2)
+        for part, charts in zip(parts, laid, strict=True):
             if charts is not None:
                 found.append((part.face_ids, charts))
                 solid = solid & ~np.isin(np.arange(len(solid)), part.face_ids)
     return found
 
 
+def _is_within_polygon(surface: ChartSurface, opposite: IntArray) -> BoolArray:
+    """(3 F,) half-edges between two triangles of one polygon."""
+    polygons = surface.polygons
+    if polygons is None:
+        return np.zeros(len(opposite), dtype=bool)
+    same: BoolArray = polygons[opposite // 3] == np.repeat(polygons, 3)
+    return same & (opposite >= 0)
+
+
 def _laid(
-    surface: ChartSurface, parts: list[Part], strips: bool, most_l2: float
+    surface: ChartSurface, parts: list[Part], weights: FloatArray, strips: bool, most_l2: float
 ) -> list[Charts | None]:
-    """Charts of parts that are tubes, or long strips too; None for others."""
+    """Charts of parts that are tubes, or long strips too; None for others.
+
+    `weights` (F, 3): infinite for edges that no seam may follow.
+    """
     points = surface.points[surface.corners]
     longest = _LONGEST * math.sqrt(float(surface_areas(points).sum()))
     found: list[Charts | None] = [None] * len(parts)
@@ -121,13 +136,15 @@ def _laid(
     def unroll(first: int, last: int) -> None:
         for number in range(first, last):
             face_ids = parts[number].face_ids
-            own = points[face_ids]
-            opened = cut_tube_open(own, parts[number].opposite) if len(own) >= _FEW else None
+            own, costs = points[face_ids], weights[face_ids].ravel()
+            if len(own) < _FEW:
+                continue
+            opened = cut_tube_open(own, parts[number].opposite, costs)
             if opened is None or (not strips if opened[2] is None else _is_flat_ring(own)):
                 continue
             faces, first_corners, ends = opened
             places = own.reshape(-1, 3)[first_corners]
-            charts = _unrolled(places, faces, ends, most_l2, longest)
+            charts = _unrolled(places, faces, costs, ends, most_l2, longest)
             if charts is not None:
                 mesh_faces = surface.faces[face_ids]
                 found[number] = with_rectangles(
@@ -145,7 +162,12 @@ def _is_flat_ring(points: FloatArray) -> bool:
 
 
 def _unrolled(
-    points: FloatArray, faces: IntArray, ends: IntArray | None, most_l2: float, longest: float
+    points: FloatArray,
+    faces: IntArray,
+    weights: FloatArray,
+    ends: IntArray | None,
+    most_l2: float,
+    longest: float,
 ) -> Charts | None:
     """Charts of a strip, or a tube that was cut open, by the vertices at its corners if known."""
     loop = _outline(faces)
@@ -158,23 +180,33 @@ def _unrolled(
         corners = np.flatnonzero(np.isin(loop, ends)).astype(np.int32)
     if corners is None:
         return None
-    laid = _rectangle(points, faces, loop, corners, most_l2, _LEAST_ASPECT)
-    return None if laid is None else _divided(laid, faces, longest)
+    least_aspect = _LEAST_ASPECT if ends is None else 1.0
+    laid = _rectangle(points, faces, loop, corners, most_l2, least_aspect)
+    return None if laid is None else _divided(laid, faces, weights, longest)
 
 
-def _divided(uvs: FloatArray, faces: IntArray, longest: float) -> Charts:
-    """Charts of a rectangle, cut across along edges into equal ones where it is too long."""
+def _divided(
+    uvs: FloatArray, faces: IntArray, weights: FloatArray, longest: float
+) -> Charts | None:
+    """Charts of a rectangle, cut across along edges into equal ones where it is too long.
+
+    None if it cannot be cut, by the `weights` (3 m,) of its edges.
+    """
     (left, low), (right, high) = uvs.min(axis=0), uvs.max(axis=0)
     n_parts = max(math.ceil((right - left) / longest), 1)
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     starts, ends = np.concatenate([[tails, heads], [heads, tails]], axis=1)
-    graph = EdgeGraph.build(len(uvs), starts, ends, pm.norm(uvs[ends] - uvs[starts], axis=1))
+    costs = pm.norm(uvs[ends] - uvs[starts], axis=1) * np.tile(weights, 2)
+    graph = EdgeGraph.build(len(uvs), starts, ends, costs)
     sides = [np.flatnonzero(np.abs(uvs[:, 1] - y) < _ROUNDING * (high - low)) for y in (low, high)]
     opposite, keys = opposite_half_edges(faces), edge_keys(tails, heads)
     for part in range(1, n_parts):
         place = left + (right - left) * part / n_parts
         start, end = (int(side[np.abs(uvs[side, 0] - place).argmin()]) for side in sides)
-        path = np.array(path_back(graph.paths_from(start, end)[1], end))
+        distances, before = graph.paths_from(start, end)
+        if not np.isfinite(distances[end]):
+            return None
+        path = np.array(path_back(before, end))
         opposite = np.where(np.isin(keys, edge_keys(path[1:], path[:-1])), -1, opposite)
     owners = connected_parts(opposite)
     used, corners = np.unique(owners[:, None].astype(np.int64) << 32 | faces, return_inverse=True)

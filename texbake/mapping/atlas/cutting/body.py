@@ -86,24 +86,24 @@ def flatten_body(
 
 
 def cut_tube_open(
-    points: FloatArray, opposite: IntArray
+    points: FloatArray, opposite: IntArray, weights: FloatArray
 ) -> tuple[IntArray, npt.NDArray[np.intp], IntArray | None] | None:
     """Cut a tube or a torus, as in `flatten_body`, to a disk with four corners; None for others.
 
     Returns (m, 3) int32: vertices of the faces; (n,): a corner (face and side) of each; (4,): the
     vertices at the corners of the disk, None for a strip, which is one without a cut.
     """
-    body = _Body(points, opposite, np.ones(len(opposite)))
+    body = _Body(points, opposite, weights)
     n_edges = (len(opposite) + np.count_nonzero(body.cut)) // 2
     shape = len(body.points) - n_edges + len(points)  # 1 for a disk, 0 for a tube or a torus
     if shape == 1 and float(body.lengths[body.cut].sum()) ** 2 > _LONG_OUTLINE * body.area:
         return *body.split_corners(), None
     if shape != 0:
         return None
-    if not body.has_seam:  # a torus, which the shorter loop turns into a tube
+    if not body.has_seam:  # a torus, which a cut along the loop of fewer edges turns into a tube
         body.cut_along(min(_loops(body), key=len))
         opposite = np.where(body.cut, np.int32(-1), opposite)
-        body = _Body(points, opposite, np.ones(len(opposite)))
+        body = _Body(points, opposite, weights)
     tails, heads = body.tails[body.cut], body.heads[body.cut]
     loops = merged_labels(len(body.points), tails, heads)
     is_first = loops[tails] == loops[tails[0]]
@@ -111,7 +111,7 @@ def cut_tube_open(
     before = np.full(len(body.points), -1, dtype=np.int32)
     body.graph.shorten(np.unique(tails[is_first]).astype(np.int32), distances, before)
     others = np.unique(tails[~is_first])
-    if not len(others):
+    if not len(others) or not np.isfinite(distances[others]).any():
         return None
     path = path_back(before, int(others[distances[others].argmin()]))
     body.cut_along(path)
@@ -140,6 +140,7 @@ class _Body:
         self.vertices = numbers.reshape(-1, 3).astype(np.int32)
         self.tails, self.heads = self.vertices.ravel(), np.roll(self.vertices, -1, 1).ravel()
         self.lengths = pm.norm(self.points[self.heads] - self.points[self.tails], axis=1)
+        self.may_cut: BoolArray = np.isfinite(weights)
         self.areas = surface_areas(points)
         self.area = float(self.areas.sum())
         self.side = math.sqrt(self.area)
@@ -171,7 +172,8 @@ class _Body:
     def cut_to(self, vertex: int) -> bool:
         """Cut from the nearest seam to a vertex; return whether there is anything to cut."""
         if self.mirror is not None:
-            vertex = self.mirror.at_plane(vertex, float(self.distances[vertex]))
+            instead = self.mirror.at_plane(vertex, float(self.distances[vertex]))
+            vertex = instead if self.distances[instead] > 0.0 else vertex
         path = path_back(self.before, vertex)
         if self.mirror is not None and self.mirror.is_at_plane[vertex]:
             path = self.mirror.path_at_plane(self._seam_vertices(), vertex)
@@ -181,7 +183,7 @@ class _Body:
 
     def cut_image(self, path: list[int]) -> None:
         """Cut along the mirror image of a path, from its first vertex to the nearest seam."""
-        if self.mirror is not None:
+        if self.mirror is not None and len(path) > 1:
             end = int(self.mirror.image_of(path[0]))
             if self.distances[end] > 0.0:
                 self.cut_along(self.mirror.image_path(path, self._seam_vertices(), end))
@@ -279,6 +281,7 @@ def _loops_at(body: _Body, distances: FloatArray, before: IntArray) -> list[list
     is_free = (before[tails] != heads) & (before[heads] != tails)
     half_edges, tails, heads = half_edges[is_free], tails[is_free], heads[is_free]
     lengths = distances[tails] + distances[heads] + body.lengths[half_edges]
+    lengths[~body.may_cut[half_edges]] = np.inf
     # A spanning tree of faces across the longest loops leaves the shortest that cut all handles.
     order = np.argsort(-lengths, kind="stable")
     faces = np.stack([half_edges // 3, body.opposite[half_edges] // 3], axis=1)[order]
