@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import texbake as tb
-from texbake.errors import OptionError, UvError
+from texbake.errors import FileFormatError, OptionError, UvError
 from texbake.jobs.painted_faces import importance_at, protected_at
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
@@ -22,13 +22,15 @@ def test_the_image_of_a_ramp_gives_the_centers_of_faces(tmp_path):
     path = painted(tmp_path / "ramp.exr", np.broadcast_to(ramp[None, :, None], (4, 64, 3)))
     centers = mesh.corner_uvs()[..., 0].mean(axis=1)
     assert np.allclose(importance_at(path, mesh), centers, atol=1e-2)
-    assert np.array_equal(protected_at(path, mesh), np.flatnonzero(importance_at(path, mesh) > 0.5))
+    (faces,) = protected_at(path, [mesh])
+    assert np.array_equal(faces, np.flatnonzero(importance_at(path, mesh) > 0.5))
 
 
 def test_what_is_transparent_is_black(tmp_path):
     path = painted(tmp_path / "clear.png", np.ones((4, 4, 4)) * [1.0, 1.0, 1.0, 0.0])
     assert (importance_at(path, uv_sphere(8, 4)) == 0.0).all()
-    assert len(protected_at(path, uv_sphere(8, 4))) == 0
+    with pytest.raises(FileFormatError, match=r"clear\.png: no face of .* is more than half white"):
+        protected_at(path, [uv_sphere(8, 4)])
 
 
 def test_vertex_colors_and_files_of_faces_count_as_well(tmp_path):
@@ -37,16 +39,18 @@ def test_vertex_colors_and_files_of_faces_count_as_well(tmp_path):
     colored = mesh.replace(colors=np.repeat(gray[:, None], 3, axis=1))
     assert np.allclose(importance_at("colors", colored), gray[mesh.faces].mean(axis=1))
     tb.write_mesh(mesh.replace(faces=mesh.faces[[3, 5]]), tmp_path / "some.ply")
-    assert protected_at(tmp_path / "some.ply", mesh).tolist() == [3, 5]
+    (faces,) = protected_at(tmp_path / "some.ply", [mesh])
+    assert faces.tolist() == [3, 5]
 
 
 def test_what_is_not_there_is_an_error(tmp_path):
     path = painted(tmp_path / "white.png", np.ones((4, 4, 1)))
     with pytest.raises(OptionError, match="has no vertex colors"):
         importance_at("colors", icosphere(1))
-    for read, name in (importance_at, "importance"), (protected_at, "protect"):
-        with pytest.raises(UvError, match=f"over which {name} reads an image"):
-            read(path, icosphere(1))
+    with pytest.raises(UvError, match="over which importance reads an image"):
+        importance_at(path, icosphere(1))
+    with pytest.raises(UvError, match="over which protect reads an image"):
+        protected_at(path, [icosphere(1)])
 
 
 @pytest.mark.parametrize("quality", ["fast", "good"])

@@ -34,16 +34,17 @@ def protected_at(source: PathLike, meshes: Sequence[Mesh]) -> list[Int64Array]:
     from texbake.mapping.marked_seams import faces_at
     from texbake.mesh.files import MESH_SUFFIXES, read_mesh
 
-    if Path(source).suffix.lower() not in MESH_SUFFIXES:
-        return [np.flatnonzero(_painted(source, mesh, "protect") > 0.5) for mesh in meshes]
-    marked = read_mesh(source)
-    found = [faces_at(marked, mesh) for mesh in meshes]
+    named = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
+    if Path(source).suffix.lower() in MESH_SUFFIXES:
+        marked = read_mesh(source)
+        found = [faces_at(marked, mesh) for mesh in meshes]
+        why = f"none of its faces is a face of {named}; export the protected faces from the mesh, "
+        why += "without moving them"
+    else:
+        found = [np.flatnonzero(_painted(source, mesh, "protect") > 0.5) for mesh in meshes]
+        why = f"no face of {named} is more than half white; paint the protected faces white"
     if not any(map(len, found)):
-        named = meshes[0].name if len(meshes) == 1 else f"{len(meshes)} meshes"
-        raise FileFormatError(
-            f"{source}: none of its faces is a face of {named}; export the protected faces from "
-            "the mesh, without moving them"
-        )
+        raise FileFormatError(f"{source}: {why}")
     return found
 
 
