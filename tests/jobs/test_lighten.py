@@ -232,6 +232,17 @@ def test_a_model_without_materials_gets_its_vertex_colors(tmp_path):
     assert np.ptp(pixels_of(material.channels["base-color"], is_color=True)) > 0.5
 
 
+def test_few_triangles_without_images_keep_their_colors_and_growth_is_a_warning(tmp_path):
+    ball = uv_sphere(6, 12).replace(uvs=None, uv_faces=None)
+    model = tmp_path / "a.glb"
+    write_glb(ball.replace(colors=(0.5 + 0.5 * ball.positions).astype(np.float32)), model)
+    done = lighten_file(model, tmp_path / "b.glb", LightenOptions(views=2))
+    assert done.report.comparison.mean_db > 40 and not done.warnings
+    assert done.report.n_bytes < done.report.n_bytes_before
+    (line,) = lighten_file(model, tmp_path / "b.glb", OPTIONS).warnings
+    assert " bytes, more than the " in line
+
+
 def test_a_missing_image_is_a_warning(model, tmp_path):
     (tmp_path / "a.mtl").write_text("newmtl skin\nKd 0.5 0.25 0\nmap_Kd gone.png\n")
     (tmp_path / "a.obj").write_text(

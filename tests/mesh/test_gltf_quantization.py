@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from texbake.mesh.compose import join_meshes
 from texbake.mesh.files.gltf import read_gltf
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.files.gltf_mesh_materials import read_gltf_materials
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.rig import Rig, RigObject
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.texture.png_files import write_png
 
@@ -173,3 +175,26 @@ def test_glass_stays_as_thick_in_steps_of_the_file(path, sphere):
     thickness = made["thicknessFactor"] * content["nodes"][0]["scale"][0]
     assert thickness == pytest.approx(0.5, rel=1e-12)  # rounding of a product
     assert made["attenuationDistance"] == 2.0
+
+
+def test_glass_of_one_material_stays_as_thick_in_nodes_of_other_scales(path, sphere):
+    volume = {"KHR_materials_volume": {"thicknessFactor": 0.5}}
+    balls = join_meshes([sphere, sphere])
+    balls = balls.replace(group_names=("a", "b"), group_objects=(0, 1))
+    materials = Materials(
+        face_materials=np.zeros(balls.n_faces, np.int32),
+        materials=(MeshMaterial(name="glass", extensions=volume),),
+    )
+    scales = 1.0, 10.0
+    rig = Rig(
+        content={"nodes": [{"scale": [k] * 3} for k in scales], "scenes": [{"nodes": [0, 1]}]},
+        objects={
+            i: RigObject(node=i, matrix=np.diag([k, k, k, 1.0])) for i, k in enumerate(scales)
+        },
+    )
+    write_glb(balls, path, materials=materials, quantize=True, rig=rig)
+    content = read_document(path).content
+    for mesh, node in zip(content["meshes"], content["nodes"][2:], strict=True):
+        glass = content["materials"][mesh["primitives"][0]["material"]]
+        made = glass["extensions"]["KHR_materials_volume"]["thicknessFactor"]
+        assert made * node["matrix"][0] == pytest.approx(0.5, rel=1e-9)

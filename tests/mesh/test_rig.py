@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.character import BODY, WHEEL, character, posed
+from tests.character import AXLE, BODY, WHEEL, character, posed
 from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.mesh.compose import excerpt, join_parts, transformed
 from texbake.mesh.deformation import Deformation, Morph, largest_weights
@@ -347,3 +347,38 @@ def test_poses_are_those_of_the_animation():
     bent = with_poses(mesh, replace(rig, content=content)).deformation.poses
     assert len(bent) == 4  # three turns of all joints, and the morph target
     assert np.abs(bent[0] - mesh.positions).max() > 0.3
+
+
+def test_a_subdivided_character_moves_only_what_it_shows(path, tmp_path):
+    lines = []
+    with heard_warnings(lines.append):
+        transform_file(path, tmp_path / "b.glb", TransformOptions(subdivide=1))
+    assert sum("skin" in line for line in lines) == 1
+    made = document(tmp_path / "b.glb")
+    (wave,) = made["animations"]
+    assert [channel["target"]["node"] for channel in wave["channels"]] == [AXLE]
+    assert "skins" not in made and "children" in made["nodes"][AXLE]
+    used = {value for each in made["meshes"] for value in json_numbers(each)}
+    used |= {value for sampler in wave["samplers"] for value in json_numbers(sampler)}
+    assert used >= set(range(len(made["accessors"])))
+
+
+def json_numbers(value):
+    """The whole numbers in JSON."""
+    if isinstance(value, dict | list):
+        items = value.values() if isinstance(value, dict) else value
+        return [number for item in items for number in json_numbers(item)]
+    return [value] if isinstance(value, int) else []
+
+
+def test_skins_that_no_node_uses_are_left_out(tmp_path):
+    mesh, rig = character()
+    skin = rig.content["skins"][0]
+    content = {**rig.content, "skins": [{**skin, "name": "unused"}, skin]}
+    content["nodes"] = [
+        {**node, "skin": 1} if "skin" in node else node for node in rig.content["nodes"]
+    ]
+    for skins in (rig, replace(rig, content=content)):
+        write_mesh(mesh, tmp_path / "a.glb", rig=skins)
+        (one,) = document(tmp_path / "a.glb")["skins"]
+        assert "name" not in one

@@ -88,6 +88,8 @@ class Source:
         why = self._why_new_uvs()
         if self.options.uvs == "keep" and why:
             raise OptionError(f"uvs: {self.mesh.name} {why}; use new")
+        if self._is_plain and self.mesh.n_faces <= n_faces:
+            return self._with_kept_uvs(n_faces)
         if self.options.uvs == "new" or why:
             return self._with_new_uvs(n_faces, is_trial=is_trial)
         is_auto = self.options.uvs == "auto" and not is_trial
@@ -127,6 +129,12 @@ class Source:
             tangents=self.mesh.tangents is not None or light_model.baked is not None,
         )
         return rig
+
+    @property
+    def _is_plain(self) -> bool:
+        """Whether the model has no images, and the options ask for none."""
+        asked = self.options.uvs != "auto" or self.options.remesh != "never"
+        return not (asked or any(item.images for item in self.materials.materials))
 
     def _why_new_uvs(self) -> str:
         """Why the texture coordinates cannot stay, or had better not; "" if they can."""

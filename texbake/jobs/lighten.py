@@ -184,6 +184,11 @@ def lighten(
         missing_images=materials.missing_images,
         stages=tuple(stages.records),
     )
+    if figures.n_bytes > n_bytes_before:
+        warnings.append(
+            f"{output}: {figures.n_bytes:,} bytes, more than the {n_bytes_before:,} of "
+            f"{Path(model).name}"
+        )
     lines = _once([*warnings, *light_model.warnings], comparison)
     done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:

@@ -198,8 +198,8 @@ def write_with_materials(
         lost.append("further texture coordinates")
     files = (*files, *uv_set_files(mesh, output))
     lost += source.passed_over if rig is None else rig.passed_over
-    if rig is not None and mesh.deformation is None and rig.bends:
-        lost.append("skins and morph targets")
+    if rig is not None and mesh.deformation is None and rig.has_morphs:
+        lost.append("morph targets")  # `write_mesh` warns of skins
     notes += triangle_notes(mesh, output)
     if lost:
         notes.append(f"{output}: written without {', '.join(lost)}")

@@ -67,8 +67,13 @@ class Rig:
     @property
     def bends(self) -> bool:
         """Whether objects have skins or morph targets."""
-        items = self.objects.values()
-        return any(item.n_morphs or "skin" in self.nodes[item.node] for item in items)
+        skinned = ("skin" in self.nodes[item.node] for item in self.objects.values())
+        return self.has_morphs or any(skinned)
+
+    @property
+    def has_morphs(self) -> bool:
+        """Whether objects have morph targets."""
+        return any(item.n_morphs for item in self.objects.values())
 
     def object_of(self, group: int, mesh: Mesh) -> RigObject | None:
         """Return the object that a group of a mesh belongs to; None where objects were joined."""

@@ -20,6 +20,7 @@ from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import Quantization
 from texbake.mesh.files.gltf_vertices import Frame
 from texbake.mesh.files.node_matrices import inverse, matrix_field
+from texbake.mesh.files.unread_parts import LIGHTS
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, RigObject
 
@@ -79,7 +80,7 @@ class RigWriter:
         to_node = inverse(item.matrix)
         codes = self.quantization.matrix() if is_coded and self.quantization is not None else None
         if to_node is None or self._ignores_node(item):
-            why = "nodes flatten objects" if to_node is None else "objects have lost their skin"
+            why = "its node flattens it" if to_node is None else "it has lost its skin"
             self._place_apart(item, name, mesh, codes, why)
         elif codes is not None:
             node["children"] = [*node.get("children", ()), len(self.nodes)]
@@ -119,12 +120,12 @@ class RigWriter:
                 node.pop("skin", None)
             if node.get("mesh") not in self._with_targets:
                 node.pop("weights", None)
-        rig, skins = self.rig.content, list(self._skins())
+        rig, skins = self.rig.content, self._written_skins()
         content = {
             "nodes": self.nodes,
             "scenes": [{**rig["scenes"][0], "nodes": self.scene}],
             "cameras": rig.get("cameras"),
-            "skins": skins if any("skin" in node for node in self.nodes) else None,
+            "skins": skins,
             "animations": list(self._animations()),
             "extensions": rig.get("extensions"),
         }
@@ -133,13 +134,46 @@ class RigWriter:
             self.asset.use(name)
         self.asset.adopt({key: value for key, value in content.items() if value})
 
-    def _skins(self) -> Iterator[dict[str, Any]]:
-        for number, skin in enumerate(self.rig.content.get("skins", ())):
-            content = {**skin, "joints": self.skins.joints[number]}
-            matrices = self.skins.matrices[number].astype(np.float32)
-            if "inverseBindMatrices" in skin or (matrices != np.eye(4).ravel()).any():
-                content["inverseBindMatrices"] = self.asset.add_array(matrices)
-            yield content
+    def _written_skins(self) -> list[dict[str, Any]]:
+        """Write the skins of nodes, which get their new numbers."""
+        skins: list[dict[str, Any]] = []
+        numbers: dict[int, int] = {}
+        for node in self.nodes:
+            if "skin" not in node:
+                continue
+            number = node["skin"]
+            if number not in numbers:
+                numbers[number] = len(skins)
+                skins.append(self._skin(number))
+            node["skin"] = numbers[number]
+        return skins
+
+    def _skin(self, number: int) -> dict[str, Any]:
+        skin = self.rig.content["skins"][number]
+        content = {**skin, "joints": self.skins.joints[number]}
+        matrices = self.skins.matrices[number].astype(np.float32)
+        if "inverseBindMatrices" in skin or (matrices != np.eye(4).ravel()).any():
+            content["inverseBindMatrices"] = self.asset.add_array(matrices)
+        return content
+
+    @cached_property
+    def _moved_nodes(self) -> set[int]:
+        """Nodes that animations move: if nothing bends any more, those with something to show."""
+        if not self.rig.bends or self._with_targets or any("skin" in n for n in self.nodes):
+            return set(range(len(self.nodes)))
+        parents = {
+            child: parent
+            for parent, node in enumerate(self.nodes)
+            for child in node.get("children", ())
+        }
+        found: set[int] = set()
+        for number, node in enumerate(self.nodes):
+            at: int | None = number
+            if {"mesh", "camera"} & node.keys() or LIGHTS in node.get("extensions", ()):
+                while at is not None and at not in found:
+                    found.add(at)
+                    at = parents.get(at)
+        return found
 
     def _animations(self) -> Iterator[dict[str, Any]]:
         for animation in self.rig.content.get("animations", ()):
@@ -147,6 +181,8 @@ class RigWriter:
             channels = []
             for channel in animation["channels"]:
                 target = channel["target"]
+                if target["node"] not in self._moved_nodes:
+                    continue
                 if target["path"] == "weights":
                     node = self._apart.get(target["node"], target["node"])
                     if self.nodes[node].get("mesh") not in self._with_targets:

@@ -176,7 +176,7 @@ def _add_objects(
     places.finish()
     for why, names in places.placed_apart.items():
         listed = ", ".join(first_few(names))
-        warn_of(mesh.name, f"{why}, so they are written at the root of the scene: {listed}")
+        warn_of(mesh.name, f"{listed}: written at the root of the scene, because {why}")
 
 
 class _PrimitiveWriter:
@@ -189,7 +189,8 @@ class _PrimitiveWriter:
         self._uv_matrices = {} if quantization is None else quantization.uv_matrices()
         n_faces = vertices.mesh.n_faces
         self._ids = np.zeros(n_faces, np.int32) if materials is None else materials.face_materials
-        self._written = {0: 0} if materials is None else {}  # indices of materials in the file
+        # indices of materials in the file, by their numbers and the units of their thickness
+        self._written: dict[tuple[int, str], int] = {}
 
     def primitives(
         self, faces: npt.NDArray[np.intp], frame: Frame | None = None
@@ -211,14 +212,20 @@ class _PrimitiveWriter:
     def _material(self, number: int, frame: Frame | None) -> int:
         """Index of a material in the file, which it is written to when it is first used."""
         materials, units = self.vertices.materials, 1.0
-        if self.vertices.quantization is not None and (frame is None or frame.is_rigid):
+        if materials is None:
+            return 0
+        material = materials.materials[number]
+        is_thick = any("thicknessFactor" in each for each in material.extensions.values())
+        quantization = self.vertices.quantization
+        if is_thick and quantization is not None and (frame is None or frame.is_rigid):
             # Units of the node are those of the material, and are replaced by steps.
-            units = _node_unit(frame) / self.vertices.quantization.positions.step
-        if number not in self._written and materials is not None:
-            self._written[number] = add_material(
-                self.asset, materials.materials[number], self._numbers, self._uv_matrices, units
+            units = _node_unit(frame) / quantization.positions.step
+        key = number, f"{units:.5g}"  # nodes that are turned differ by rounding
+        if key not in self._written:
+            self._written[key] = add_material(
+                self.asset, material, self._numbers, self._uv_matrices, units
             )
-        return self._written[number]
+        return self._written[key]
 
 
 def _node_unit(frame: Frame | None) -> float:
