@@ -15,6 +15,7 @@ from texbake.files import PathLike
 from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, Mesh
 
 COLORS = "colors"  # in place of an image: the vertex colors
+_ROUNDING = 1e-6  # of float32 files, by which a coordinate may lie outside the unit square
 _DIVISIONS = 4  # of each edge; the image is read in the middle of the triangles between them
 
 
@@ -26,7 +27,8 @@ def importance_at(source: PathLike, mesh: Mesh) -> FloatArray:
         raise OptionError(
             f"importance: {mesh.name} has no vertex colors; paint some, or give an image"
         )
-    return np.asarray(_gray(mesh.colors.astype(np.float64))[mesh.faces].mean(axis=1))
+    grays = np.clip(_gray(mesh.colors.astype(np.float64)), 0.0, 1.0)
+    return np.asarray(grays[mesh.faces].mean(axis=1))
 
 
 def protected_at(source: PathLike, meshes: Sequence[Mesh]) -> list[Int64Array]:
@@ -50,7 +52,7 @@ def protected_at(source: PathLike, meshes: Sequence[Mesh]) -> list[Int64Array]:
 
 def _painted(path: PathLike, mesh: Mesh, option: str) -> FloatArray:
     """(F,) mean of an image over each face, in the mesh's present coordinates."""
-    from texbake.texture.image import read_image
+    from texbake.texture.image import read_header, read_image
     from texbake.texture.lookup import lookup
 
     if mesh.uvs is None:
@@ -58,20 +60,32 @@ def _painted(path: PathLike, mesh: Mesh, option: str) -> FloatArray:
             f"{mesh.name}: it has no texture coordinates, over which {option} reads an image; "
             "unwrap it first, and paint on that"
         )
-    gray = _gray(read_image(path, color=False).pixels.astype(np.float64))
-    image, corners = gray[..., None].astype(np.float32), mesh.corner_uvs()
+    corners = mesh.corner_uvs()
+    if not ((corners >= -_ROUNDING) & (corners <= 1.0 + _ROUNDING)).all():
+        raise UvError(
+            f"{mesh.name}: it has texture coordinates outside 0 to 1, where {option} reads no "
+            "image; move them into one tile first"
+        )
+    pixels = read_image(path, color=False).pixels.astype(np.float64)
+    gray = _gray(pixels, by_alpha=not read_header(path).is_premultiplied)
+    image = gray[..., None].astype(np.float32)
     points = _centers()
     sums = np.zeros(mesh.n_faces)
     for weights in points:
         sums += lookup(image, (corners * weights[:, None]).sum(axis=1))[:, 0]
+    if not np.isfinite(sums).all():
+        raise FileFormatError(
+            f"{path}: it has values that are not finite, where {option} reads it for {mesh.name}; "
+            "save it without them"
+        )
     return np.clip(sums / len(points), 0.0, 1.0)
 
 
-def _gray(values: FloatArray) -> FloatArray:
-    """Mean of the color channels, times the alpha where there is one."""
+def _gray(values: FloatArray, *, by_alpha: bool = True) -> FloatArray:
+    """Mean of the color channels, times the alpha where there is one and `by_alpha` is true."""
     n_colors = values.shape[-1] - (values.shape[-1] in (2, 4))
     gray: FloatArray = values[..., :n_colors].mean(axis=-1)
-    return gray if n_colors == values.shape[-1] else gray * values[..., -1]
+    return gray * values[..., -1] if by_alpha and n_colors < values.shape[-1] else gray
 
 
 def _centers() -> FloatArray:

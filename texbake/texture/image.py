@@ -87,6 +87,7 @@ class ImageHeader:
     height: int
     n_channels: int
     metadata: dict[str, Value]
+    is_premultiplied: bool  # colors are stored times the alpha, as in EXR files
 
 
 # numpy's name of each type, and OpenImageIO's.
@@ -207,7 +208,10 @@ def read_header(path: PathLike) -> ImageHeader:
     spec = source.spec()
     description = description or _description(spec)
     source.close()
-    return ImageHeader(spec.width, spec.height, spec.nchannels, from_description(description))
+    size = spec.width, spec.height, spec.nchannels
+    is_apart = bool(spec.get_int_attribute("oiio:UnassociatedAlpha"))
+    has_product = spec.alpha_channel >= 0 and not is_apart
+    return ImageHeader(*size, from_description(description), has_product)
 
 
 def _stored(
