@@ -126,7 +126,7 @@ def test_float16_and_read_only_arrays_are_taken_and_kept(ball):
         (lambda v, f: (v, f[:0]), "it has no faces"),
         (lambda v, f: (v, f + len(v)), "a position index is out of range"),
         (lambda v, f: (v, -f), "a position index is out of range"),
-        (lambda v, f: (0 * v, f), "none of its 5,120 faces has an area"),
+        (lambda v, f: (0 * v, f), "no face has an area"),
     ],
 )
 def test_arrays_that_are_no_mesh_are_one_clear_error(change, message, ball):

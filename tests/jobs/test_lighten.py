@@ -499,7 +499,7 @@ def test_a_number_of_triangles_that_cannot_be_reached_is_an_error(tmp_path, uvs)
 
 def test_why_no_atlas_can_be_made_is_said_and_not_that_charts_are_small():
     flat = uv_sphere(6, 12).replace(positions=np.zeros((uv_sphere(6, 12).n_vertices, 3)))
-    with pytest.raises(UnwrapError, match="faces has an area"):
+    with pytest.raises(UnwrapError, match="no face has an area"):
         unwrap_to_fit(flat, UnwrapOptions(size=64, padding=None), may_grow=True)
 
 

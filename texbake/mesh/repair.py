@@ -14,7 +14,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import MeshError, counted
+from texbake.errors import MeshError
 from texbake.mesh.compose import face_fields, turned_over, used_rows
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.hard_edges import with_normals
@@ -69,9 +69,7 @@ def repair(mesh: MeshLike, options: RepairOptions | None = None) -> tuple[Mesh, 
     if options.degenerate:
         flat = degenerate_faces(mesh)
         if flat.all():
-            raise MeshError(
-                f"{mesh.name}: none of its {counted(mesh.n_polygons, 'face')} has an area"
-            )
+            raise MeshError(f"{mesh.name}: no face has an area")
         counts["faces without area"] = mesh.count_polygons(flat)
         mesh = _kept(mesh, ~flat)
     if options.duplicates:

@@ -161,7 +161,7 @@ def low_with_uvs(high: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     for mesh in high, low:
         if degenerate_faces(mesh).all():
             raise MeshError(
-                f"{mesh.name}: none of its {mesh.n_faces} faces has an area, so there is nothing "
+                f"{mesh.name}: no face has an area, so there is nothing "
                 "to measure; give a mesh with a surface"
             )
     return low if low.uvs is not None else unwrap(low, size=_ATLAS_SIZE, threads=threads)

@@ -19,7 +19,7 @@ PLAIN = AREAS | {"flat"}
 UNMEASURABLE = "areas cannot be computed"
 BEYOND_MAPS = "float32 numbers of maps cannot hold"
 MERGED = "would leave"
-NO_AREA = dict.fromkeys(("atlas", "study"), "none of its 2 faces has an area")
+NO_AREA = dict.fromkeys(("atlas", "study"), "no face has an area")
 
 
 def mesh_of(positions, faces, **fields):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from texbake.errors import UnwrapError, counted, require_library
+from texbake.errors import UnwrapError, require_library
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.parts import (
     ChartLimits,
@@ -200,10 +200,7 @@ def snap_points(mesh: Mesh) -> FloatArray:
 
 def _why_nothing(mesh: Mesh) -> str:
     if degenerate_faces(mesh).all():
-        return (
-            f"{mesh.name}: none of its {counted(mesh.n_polygons, 'face')} has an area; "
-            "look for the cause with: texbake info"
-        )
+        return f"{mesh.name}: no face has an area; look for the cause with: texbake info"
     return (
         f"{mesh.name}: each of its {mesh.n_polygons} faces is narrower than 4 millionths of the "
         "size of the mesh; remove parts that lie far away, or split the mesh"
