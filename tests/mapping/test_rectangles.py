@@ -14,6 +14,7 @@ from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids, seam_edges
 from texbake.mapping.stretch import face_stretch
+from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.topology import opposite_half_edges
@@ -167,10 +168,18 @@ def test_a_ribbon_is_unrolled_whole():
     assert np.allclose(box_fill(flat), 1.0)
 
 
-def test_other_parts_beside_a_tube_are_cut_as_ever():
+@pytest.mark.parametrize("changes", [{"protect": [0, 1]}, {"seams": []}, {"symmetry": "overlap"}])
+def test_the_report_says_where_no_tube_is_unrolled(changes):
+    _, report = unwrap_with_report(pipe(1.5)[0], straighten=True, quality="fast", **changes)
+    assert any(note.startswith("no tube is unrolled where seams are") for note in report.notes)
+
+
+@pytest.mark.parametrize("quality", ["good", "best"])
+def test_other_parts_beside_a_tube_are_cut_as_ever(quality):
     tube, ball = pipe(1.5)[0], icosphere(2)
     both = join_meshes([ball, tube])
-    flat = tb.unwrap(both, straighten=True)
+    flat = tb.unwrap(both, straighten=True, quality=quality)
+    assert np.isclose(box_fill(flat)[chart_ids(flat)[-1]], 1.0)
     ids = chart_ids(flat)
     assert len(set(ids[ball.n_faces :])) == 1
     assert not np.isin(ids[: ball.n_faces], ids[-1]).any()

@@ -202,14 +202,14 @@ def _unwrapped(
     else:
         chosen = [faces_of_group(mesh, options.only) for mesh in meshes]
         parts = [selected(mesh, faces) for mesh, faces in zip(meshes, chosen, strict=True)]
-    given = [
+    kinds = [
         name for name, each in zip(_MARKS, marks, strict=True) if any(x is not None for x in each)
     ]
     if options.method == "atlas":
         mapped = _mapped_by_atlas(parts, options, (meshes, chosen, *marks), stages, threads)
-    elif given:
-        what = "charts" if given[0] == "importance" else "seams"
-        raise OptionError(f"{given[0]}: the method {options.method} has no {what}; use atlas")
+    elif kinds:
+        what = "charts" if kinds[0] == "importance" else "seams"
+        raise OptionError(f"{kinds[0]}: the method {options.method} has no {what}; use atlas")
     elif len(meshes) > 1:
         raise OptionError(
             f"method: {options.method} maps one mesh at a time; for several meshes use atlas"

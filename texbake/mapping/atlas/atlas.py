@@ -67,6 +67,7 @@ _JOINED_SIDES = 1.15
 _JOIN_WORK = {"good": 300, "best": 1000}
 # If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
 _CLEARLY_BETTER = 0.7
+_NOT_FREE = "seams are marked, faces are protected or halves overlap"
 # Steps from zero to the size of the largest of several meshes.
 _SIZES = 2.0**40
 
@@ -100,7 +101,6 @@ def make_atlas(
     importance = importance or [None] * len(meshes)
     if options.by_group:  # fail before the work
         check_tiles(len(groups_in_use(meshes)), options.tiles, _name_of(meshes))
-
     # With overlap, a whole body has no other half to lie on.
     is_free = not options.keep and options.symmetry != "overlap"
     is_free &= all(each is None for each in (*seams, *protected))
@@ -139,8 +139,8 @@ def _best_charts(
 
     of_good = [_make_charts(mesh, good, stages, None, None, threads) for mesh in meshes]
     consider(of_good)
-    bodies = [
-        _body_charts(mesh, charts, options, stages, threads)
+    bodies = [  # would contain tubes that are unrolled
+        [] if options.straighten else _body_charts(mesh, charts, options, stages, threads)
         for mesh, charts in zip(meshes, of_good, strict=True)
     ]
     for number in range(max(map(len, bodies))):
@@ -199,13 +199,10 @@ def _packed_charts(
             threads=threads,
         )
     all_charts = with_shapes_noted(all_charts, packing.reshaped)
-    heights = np.concatenate(
-        [
-            mesh.positions[mesh.faces if charts.stacked is None else mesh.faces[~charts.stacked], 1]
-            for mesh, charts in zip(meshes, all_charts, strict=True)
-        ]
-    )
-    uvs = upright_tiles(packing, chart_ids, faces, heights, square=size[0] == size[1])
+    of_meshes = zip(meshes, all_charts, strict=True)
+    heights = [mesh.positions[charts.packed(mesh.faces), 1] for mesh, charts in of_meshes]
+    is_square = size[0] == size[1]
+    uvs = upright_tiles(packing, chart_ids, faces, np.concatenate(heights), square=is_square)
     parts = np.split(uvs, np.cumsum([len(charts.uvs) for charts in all_charts])[:-1])
     atlases = [
         Atlas(corners=uvs[charts.faces], charts=charts, padding=padding)
@@ -250,10 +247,12 @@ def _make_charts(
                 pieces.append((others, connected))
         charts = gather_charts(mesh.faces, pieces)
     if protected is not None:
-        why = "lay them flat" if options.max_stretch is None else "keep within `max_stretch`"
-        charts = with_cuts_noted(surface, charts, protected, why=why)
-    note = f"{n_within:,} hard edges have no seam, because they end within a chart"
-    return replace(charts, notes=(*charts.notes, note)) if n_within else charts
+        charts = with_cuts_noted(surface, charts, protected, max_stretch=options.max_stretch)
+    notes = (
+        (n_within, f"{n_within:,} hard edges have no seam, because they end within a chart"),
+        (options.straighten and not is_free, "no tube is unrolled where " + _NOT_FREE),
+    )
+    return replace(charts, notes=(*charts.notes, *(note for applies, note in notes if applies)))
 
 
 def _surface(

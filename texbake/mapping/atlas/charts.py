@@ -88,9 +88,9 @@ def _inner_edges(surface: ChartSurface, faces: BoolArray) -> tuple[IntArray, Int
 
 
 def with_cuts_noted(
-    surface: ChartSurface, charts: Charts, faces: BoolArray, *, why: str = "lay them flat"
+    surface: ChartSurface, charts: Charts, faces: BoolArray, *, max_stretch: float | None
 ) -> Charts:
-    """Note how many edges between protected faces (F,) are seams; `why`: of those not asked for."""
+    """Note how many edges between protected faces (F,) are seams."""
     uncut = replace(surface, seams=None, regions=None)
     edges, across = _inner_edges(uncut, faces & charts.solid)
     ends = edges, next_half_edges(edges), next_half_edges(across), across
@@ -99,9 +99,10 @@ def with_cuts_noted(
     is_cut |= (charts.uvs[head] != charts.uvs[other_head]).any(axis=1)
     is_cut |= charts.chart_ids[tail] != charts.chart_ids[other_tail]
     is_asked = is_cut & (surface.joints[2][edges] < 0)
+    within = "" if max_stretch is None else " within `max_stretch`"
     counts = (
         (is_asked, "between protected faces {} at a marked seam, a hard edge or another group"),
-        (is_cut & ~is_asked, "between protected faces {} cut to " + why),
+        (is_cut & ~is_asked, "between protected faces {} cut to lay them flat" + within),
     )
     notes = [
         counted(n, "edge ", "edges ") + note.format("is" if n == 1 else "are")
@@ -141,7 +142,11 @@ class Charts:
     @property
     def packed_faces(self) -> IntArray:
         """(n, 3): `faces` without those that lie on others."""
-        return self.faces if self.stacked is None else self.faces[~self.stacked]
+        return self.packed(self.faces)
+
+    def packed(self, faces: IntArray) -> IntArray:
+        """(n, 3): rows of (F, 3) of the faces that do not lie on others."""
+        return faces if self.stacked is None else faces[~self.stacked]
 
     @property
     def solid(self) -> npt.NDArray[np.bool_]:

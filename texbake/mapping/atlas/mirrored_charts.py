@@ -27,8 +27,7 @@ from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.triangle_tree import TriangleTree
 
-# Bounds on the stretch and empty area of the parts of a transferred chart that are joined again.
-_PART_L2, _ANY_WASTE = 1.03, 1e6
+_PART_L2 = 1.03  # stretch of the parts of a transferred chart that are joined again, at most
 _SMOOTHINGS = 4  # rounds of giving faces the chart of two of their neighbors
 # A part of a transferred chart below this share of the chart's faces joins the charts around it.
 _LEAST_PART = 0.1

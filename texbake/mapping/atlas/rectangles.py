@@ -60,10 +60,8 @@ def with_rectangles(
     threads: int | None = None,
 ) -> Charts:
     """Lay strips out as rectangles, and find rectangles; `points` (V, 3) in the charts' unit."""
-    if charts.stacked is not None:
-        mesh_faces = mesh_faces[~charts.stacked]
     places = np.zeros((len(charts.uvs), 3))
-    places[charts.packed_faces] = points[mesh_faces]
+    places[charts.packed_faces] = points[charts.packed(mesh_faces)]
     faces = charts.packed_faces[charts.packed_faces[:, 0] != charts.packed_faces[:, 1]]
     owners = charts.chart_ids[faces[:, 0]]
     order = np.argsort(owners, kind="stable")

@@ -91,7 +91,8 @@ def cut_tube_open(
     """Cut a tube or a torus, as in `flatten_body`, to a disk with four corners; None for others.
 
     Returns (m, 3) int32: vertices of the faces; (n,): a corner (face and side) of each; (4,): the
-    vertices at the corners of the disk, None for a strip, which is one without a cut.
+    vertices at the corners of the disk. In place of these, None stands for a long disk that needs
+    no cut, such as a strip, whose corners are unknown.
     """
     body = _Body(points, opposite, weights)
     n_edges = (len(opposite) + np.count_nonzero(body.cut)) // 2

@@ -19,9 +19,8 @@ from texbake.mesh.triangle_tree import TriangleTree
 # Costs of edges near a line, by their distance in lengths of the edge: the least and the most.
 LEAST_NEAR, MOST_NEAR = 0.1, 4.0
 _AT_PLANE = 0.6  # distance of a vertex from the plane, in mean edges, up to which it is there
-
-
-# The same for the end of a path, as a share of its length.
+# Distance of the end of a path from the plane, in lengths of the path, up to which the path ends at
+# the plane instead.
 _BESIDE = 0.2
 
 

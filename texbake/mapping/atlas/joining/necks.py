@@ -57,8 +57,7 @@ def divide_at_necks(
         if len(done) + len(left) < _MOST_PARTS:
             parts, path = _divided(piece, opposite, weights, least_gain, side)
         if parts and plane is not None:
-            left += parts
-            _cut_image(left, opposite, weights, plane, path)
+            left = _with_image_cut([*left, *parts], opposite, weights, plane, path)
         elif parts:
             left += parts
         else:
@@ -98,19 +97,19 @@ def _divided(
     return [], none
 
 
-def _cut_image(
+def _with_image_cut(
     pieces: list[ChartPiece],
     opposite: IntArray,
     weights: FloatArray,
     plane: MirrorPlane,
     path: FloatArray,
-) -> None:
-    """Cut the piece that contains the mirror image of a path (k, 3) along it, if there is one."""
+) -> list[ChartPiece]:
+    """Pieces, of which one is cut along the mirror image of a path (k, 3) if it contains that."""
     images = plane.mirrored(path)
     step = float(pm.norm(path[1:] - path[:-1], axis=1).mean())
     apart = np.abs(images[:, None] - path).max(axis=2).min(axis=1)
     if apart.max() <= _SAME_PATH * step:
-        return
+        return pieces
     for number, piece in enumerate(pieces):
         rim = np.unique(piece.border_ends)
         gaps = [pm.norm(piece.points[rim] - end, axis=1) for end in (images[0], images[-1])]
@@ -119,8 +118,9 @@ def _cut_image(
             continue
         found = _PieceGraph(piece, weights).sides_near(starts, ends, path, plane)
         if found is not None:
-            pieces[number : number + 1] = parts_of(piece, found, opposite)
-            return
+            parts = parts_of(piece, found, opposite)
+            return [*pieces[:number], *parts, *pieces[number + 1 :]]
+    return pieces
 
 
 def _cuts(
