@@ -89,13 +89,28 @@ def test_a_body_becomes_one_disk_of_little_stretch(mesh):
     assert len(body.flat.uvs) + len(body.faces) - n_edges == 1
 
 
-def test_a_path_of_one_vertex_has_no_mirror_image():
+def mirrored_ball():
+    """A ball with a mirror plane, no seam, and edges that cost ten times their length."""
     surface = surface_of(icosphere(2))
     corners, _, opposite = surface.joints
     plane = MirrorPlane(np.array([1.0, 0.0, 0.0]), 0.0, 0.0)
-    body = _Body(surface.points[corners], opposite, edge_weights(surface).ravel(), plane)
+    return _Body(surface.points[corners], opposite, np.full(len(opposite), 10.0), plane)
+
+
+def test_a_path_of_one_vertex_has_no_mirror_image():
+    body = mirrored_ball()
     body.cut_image([3])
     assert not body.has_seam
+
+
+def test_a_dart_beside_the_plane_is_cut_where_a_seam_runs_along_the_plane():
+    body = mirrored_ball()
+    low, high = (int(np.argmin(sign * body.points[:, 1])) for sign in (1.0, -1.0))
+    body.cut_along(body.mirror.path_at_plane(np.array([low], dtype=np.int32), high))
+    vertex = int(np.where(body.distances > 0.0, body.distances, np.inf).argmin())
+    assert body.distances[body.mirror.at_plane(vertex, float(body.distances[vertex]))] == 0.0
+    assert body.cut_to(vertex)
+    assert body.distances[vertex] == 0.0
 
 
 def test_energies_are_those_of_singular_values():
