@@ -19,13 +19,14 @@ from texbake.errors import (
     heard_warnings,
 )
 from texbake.jobs.fitting_atlas import unwrap_to_fit
+from texbake.jobs.light_budget import Budget, Trial
 from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files
-from texbake.jobs.light_models import Source
+from texbake.jobs.light_models import LightModel, Source
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
 from texbake.jobs.options import RunOptions
 from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.compose import join_meshes
+from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_write import write_glb
@@ -401,6 +402,32 @@ def test_a_target_size_is_kept_and_more_bytes_come_closer(tmp_path):
         OptionError, match=r"^target_size: the smallest file of .* has [\d,]+ bytes; "
     ):
         lighten_file(model, tmp_path / "light.glb", LightenOptions(target_size=500))
+
+
+def test_triangles_become_fewer_until_a_target_size_fits(monkeypatch):
+    mesh = uv_sphere(48, 96)
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32), materials=(MeshMaterial(name="a"),)
+    )
+
+    def made(budget, n_faces, n_bytes):
+        model = LightModel(
+            mesh=excerpt(mesh, np.arange(mesh.n_faces) < n_faces),
+            materials=materials,
+            pictures=(),
+            simplified=None,
+            warnings=(),
+        )
+        return Trial(
+            light_model=model,
+            materials=materials,
+            n_bytes=50_000 if n_faces < 800 else 200_000,
+            db=float(n_faces),
+        )
+
+    monkeypatch.setattr(Budget, "_trial", made)
+    source = Source(mesh, materials, None, LightenOptions(), Stages(), None)
+    assert Budget("a.glb", source).within(100_000).light_model.mesh.n_faces < 800
 
 
 def test_a_psnr_is_reached_with_few_bytes_or_the_reachable_one_is_named(tmp_path):

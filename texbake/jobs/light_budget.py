@@ -103,15 +103,21 @@ class Budget:
     def within(self, n_bytes: int) -> Trial:
         """Return the closest model found whose file has at most `n_bytes`."""
         best: Trial | None = None
-        least = _UNLIMITED
+        least, n_fitting, n_before = _UNLIMITED, 0, 0
         for n_faces in self._face_counts(n_bytes):
             trial = self._trial(n_faces, n_bytes)
             least = min(least, trial.n_bytes)
+            if trial.light_model.mesh.n_faces == n_before:
+                break  # it has no fewer triangles
+            n_before = trial.light_model.mesh.n_faces
             if trial.n_bytes > n_bytes:
                 continue
             if best is not None and trial.db <= best.db:
                 break
             best = trial
+            n_fitting += 1
+            if n_fitting == _MOST_LEVELS:
+                break
         if best is None:
             raise OptionError(
                 f"target_size: the smallest file of {self.source.mesh.name} has {least:,} bytes; "
@@ -208,8 +214,7 @@ class Budget:
         counts = self._ladder()
         each = _CODED_BYTES if self.source.options.compress else _BYTES
         fit = [i for i, n in enumerate(counts) if n * each <= n_bytes]
-        first = min(fit, default=len(counts) - 1)
-        return counts[first : first + _MOST_LEVELS]
+        return counts[min(fit, default=len(counts) - 1) :]
 
     def _trial(self, n_faces: int, n_bytes: int) -> Trial:
         key = n_faces, n_bytes

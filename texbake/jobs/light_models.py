@@ -92,19 +92,20 @@ class Source:
             return self._with_kept_uvs(n_faces)
         if self.options.uvs == "new" or why:
             return self._with_new_uvs(n_faces, is_trial=is_trial)
-        is_auto = self.options.uvs == "auto" and not is_trial
-        if is_auto and self.mesh.n_faces > n_faces and not _is_atlas(self.mesh, threads):
+        is_auto = self.options.uvs == "auto"
+        has_fewer = self.mesh.n_faces > n_faces
+        if is_auto and not is_trial and has_fewer and not _is_atlas(self.mesh, threads):
             return self._with_new_uvs(n_faces)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
-        if simplified is None or is_trial or (is_auto and simplified.is_close_to_count):
+        if simplified is None or (is_auto and simplified.is_close_to_count):
             return kept
         if not is_auto:
-            if self.options.n_faces is not None:
+            if self.options.n_faces is not None and not is_trial:
                 n, more = simplified.n_faces, "request more, or use `uvs` new"
                 check_count(n, n_faces, self.mesh.name, more, _SEAMS)
             return kept
-        again = self._with_new_uvs(n_faces)
+        again = self._with_new_uvs(n_faces, is_trial=is_trial)
         note = (
             f"{self.mesh.name}: its texture coordinates do not allow fewer than "
             f"{simplified.n_faces:,} triangles; it has new ones"
