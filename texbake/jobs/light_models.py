@@ -182,7 +182,10 @@ class Source:
                     *warnings, *report.notes, *layout_notes(low, high, threads=threads),
                 )  # fmt: skip
                 if rule.choice == "auto" and low.normals is None:
-                    low = with_source_normals(low, high, threads=threads)
+                    if has_hard_edges(high, threads=threads):
+                        low = with_normals(low, "angle", angle=rule.angle)
+                    else:
+                        low = with_source_normals(low, high, threads=threads)
             if rule.choice != "auto":
                 low = with_normals(low, rule.choice, angle=rule.angle)
         materials, baked, size = materials.used(), None, None
