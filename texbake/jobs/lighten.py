@@ -184,16 +184,18 @@ def lighten(
         missing_images=materials.missing_images,
         stages=tuple(stages.records),
     )
-    if figures.n_bytes > n_bytes_before:
-        warnings.append(
-            f"{output}: {figures.n_bytes:,} bytes, more than the {n_bytes_before:,} of "
-            f"{Path(model).name}"
-        )
+    warnings += _growth(model, output, figures)
     lines = _once([*warnings, *light_model.warnings], comparison)
     done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
     return done
+
+
+def _growth(model: PathLike, output: PathLike, figures: LightenReport) -> list[str]:
+    n, n_before = figures.n_bytes, figures.n_bytes_before
+    line = f"{output}: {n:,} bytes, more than the {n_before:,} of {Path(model).name}"
+    return [line] if n > n_before else []
 
 
 def _lightened(
