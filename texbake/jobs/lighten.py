@@ -184,8 +184,7 @@ def lighten(
         missing_images=materials.missing_images,
         stages=tuple(stages.records),
     )
-    warnings += _growth(model, output, figures)
-    lines = _once([*warnings, *light_model.warnings], comparison)
+    lines = _once([*warnings, *_growth(model, output, figures), *light_model.warnings], comparison)
     done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
         _write_page(html, comparison, done, command)
