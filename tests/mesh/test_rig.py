@@ -334,6 +334,22 @@ def test_a_simplified_character_bends_as_before(path, tmp_path, quality):
     assert surface_distance(bent[0], bent[2]).rms < surface_distance(bent[0], bent[1]).rms
 
 
+def test_best_is_as_close_as_fast_in_all_poses():
+    mesh, rig = character()
+
+    def distance(quality):
+        low = simplify(with_poses(mesh, rig), 300, quality=quality)
+        return sum(
+            surface_distance(
+                mesh.replace(positions=posed(mesh, None, share)),
+                low.replace(positions=posed(low, None, share), deformation=None),
+            ).rms
+            for share in (0.0, 0.25, 0.5, 0.75, 1.0)
+        )
+
+    assert distance("best") <= 1.01 * distance("fast")
+
+
 def test_poses_are_those_of_the_animation():
     mesh, rig = character()
     poses = with_poses(mesh, rig).deformation.poses

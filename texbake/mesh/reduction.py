@@ -11,6 +11,7 @@ be given up).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -31,6 +32,7 @@ from texbake.mesh.decimate import (
     with_three_places,
     without_small_parts,
 )
+from texbake.mesh.deformation import Deformation, Morph
 from texbake.mesh.distance import SurfaceDistance, rms_distance
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
@@ -38,7 +40,11 @@ from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.piecewise import bring_down
 from texbake.mesh.topology import find_edges
-from texbake.mesh.triangle_tree import with_nearest_attributes, with_nearest_groups
+from texbake.mesh.triangle_tree import (
+    with_nearest_attributes,
+    with_nearest_groups,
+    with_nearest_motion,
+)
 from texbake.mesh.weld import later_copies, unique_rows
 from texbake.records import dataclass
 
@@ -184,7 +190,25 @@ def _gathered(
 
 
 def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> float:
-    return rms_distance(mesh, low, n_samples=_COMPARED, threads=threads)
+    """RMS distance between two meshes, at rest and in the poses of the first."""
+    pairs = zip(_in_poses(mesh, mesh, threads), _in_poses(low, mesh, threads), strict=True)
+    distances = [
+        rms_distance(one, other, n_samples=_COMPARED, threads=threads) for one, other in pairs
+    ]
+    return math.sqrt(math.fsum(each * each for each in distances) / len(distances))
+
+
+def _in_poses(mesh: Mesh, source: Mesh, threads: int | None) -> list[Mesh]:
+    """A mesh as it is, and moved as the closest points of `source` move to their poses."""
+    rest = mesh.replace(deformation=None)
+    if source.deformation is None or not len(source.deformation.poses):
+        return [rest]
+    moves = tuple(Morph.of_rows(pose - source.positions) for pose in source.deformation.poses)
+    still = Deformation(source.deformation.joints, source.deformation.weights, moves)
+    found = with_nearest_motion(rest, source.replace(deformation=still), threads).deformation
+    assert found is not None
+    moved = (rest.positions + morph.rows(rest.n_vertices) for morph in found.morphs)
+    return [rest, *(rest.replace(positions=positions) for positions in moved)]
 
 
 def noted(result: Reduction, note: str) -> Reduction:
