@@ -25,14 +25,14 @@ def test_the_image_of_a_ramp_gives_the_centers_of_faces(tmp_path):
     ramp = (np.arange(64) + 0.5) / 64.0
     path = painted(tmp_path / "ramp.exr", np.broadcast_to(ramp[None, :, None], (4, 64, 3)))
     centers = mesh.corner_uvs()[..., 0].mean(axis=1)
-    assert np.allclose(importance_at(path, mesh), centers, atol=1e-2)
+    assert np.allclose(importance_at(path, [mesh])[0], centers, atol=1e-2)
     (faces,) = protected_at(path, [mesh])
-    assert np.array_equal(faces, np.flatnonzero(importance_at(path, mesh) > 0.5))
+    assert np.array_equal(faces, np.flatnonzero(importance_at(path, [mesh])[0] > 0.5))
 
 
 def test_what_is_transparent_is_black(tmp_path):
     path = painted(tmp_path / "clear.png", np.ones((4, 4, 4)) * [1.0, 1.0, 1.0, 0.0])
-    assert (importance_at(path, uv_sphere(8, 4)) == 0.0).all()
+    assert (importance_at(path, [uv_sphere(8, 4)])[0] == 0.0).all()
     with pytest.raises(FileFormatError, match=r"clear\.png: no face of .* is more than half white"):
         protected_at(path, [uv_sphere(8, 4)])
 
@@ -41,16 +41,16 @@ def test_colors_that_are_stored_times_their_alpha_count_once(tmp_path):
     pixels = np.full((4, 4, 4), 0.5)  # white, half transparent, where the file stores products
     for name, gray in ("apart.png", 0.25), ("products.exr", 0.5):
         path = painted(tmp_path / name, pixels)
-        assert np.allclose(importance_at(path, uv_sphere(8, 4)), gray, atol=0.01)
+        assert np.allclose(importance_at(path, [uv_sphere(8, 4)])[0], gray, atol=0.01)
 
 
 def test_an_image_that_cannot_be_read_everywhere_is_an_error(tmp_path):
     mesh = uv_sphere(8, 4)
     path = painted(tmp_path / "holes.exr", np.full((4, 4, 3), np.nan))
-    with pytest.raises(FileFormatError, match=r"holes\.exr: it has values that are not finite"):
-        importance_at(path, mesh)
+    with pytest.raises(FileFormatError, match=r"holes\.exr: importance: some values are not"):
+        importance_at(path, [mesh])
     path = painted(tmp_path / "white.png", np.ones((4, 4, 3)))
-    with pytest.raises(UvError, match="texture coordinates outside 0 to 1, where protect reads"):
+    with pytest.raises(UvError, match="needs texture coordinates from 0 to 1"):
         protected_at(path, [mesh, mesh.replace(uvs=mesh.uvs + np.array([1.0, 0.0]))])
 
 
@@ -91,9 +91,9 @@ def test_vertex_colors_and_files_of_faces_count_as_well(tmp_path):
     mesh = icosphere(1)
     gray = np.linspace(0.0, 1.0, mesh.n_vertices, dtype=np.float32)
     colored = mesh.replace(colors=np.repeat(gray[:, None], 3, axis=1))
-    assert np.allclose(importance_at("colors", colored), gray[mesh.faces].mean(axis=1))
+    assert np.allclose(importance_at("colors", [colored])[0], gray[mesh.faces].mean(axis=1))
     bright = mesh.replace(colors=np.full((mesh.n_vertices, 3), 1.7, dtype=np.float32))
-    assert (importance_at("colors", bright) == 1.0).all()
+    assert (importance_at("colors", [bright])[0] == 1.0).all()
     tb.write_mesh(mesh.replace(faces=mesh.faces[[3, 5]]), tmp_path / "some.ply")
     (faces,) = protected_at(tmp_path / "some.ply", [mesh])
     assert faces.tolist() == [3, 5]
@@ -102,10 +102,10 @@ def test_vertex_colors_and_files_of_faces_count_as_well(tmp_path):
 def test_what_is_not_there_is_an_error(tmp_path):
     path = painted(tmp_path / "white.png", np.ones((4, 4, 1)))
     with pytest.raises(OptionError, match="has no vertex colors"):
-        importance_at("colors", icosphere(1))
-    with pytest.raises(UvError, match="over which importance reads an image"):
-        importance_at(path, icosphere(1))
-    with pytest.raises(UvError, match="over which protect reads an image"):
+        importance_at("colors", [icosphere(1)])
+    with pytest.raises(UvError, match="importance with an image needs texture coordinates"):
+        importance_at(path, [icosphere(1)])
+    with pytest.raises(UvError, match="protect with an image needs texture coordinates"):
         protected_at(path, [icosphere(1)])
 
 

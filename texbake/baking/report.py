@@ -135,6 +135,9 @@ class BakeReport:
         hint = "texbake bake --miss-map shows where"
         if self.miss_percent > 50.0:
             hint = "is the mesh turned inside out, or are the ray distances too short?"
+        own = "owns" if self.faces_without_texel == 1 else "own"
+        n_flat = counts.faces_without_uv_area
+        flat = f", {n_flat:,} of them without area in texture space" if n_flat else ""
         checks = (
             (
                 self.texels_missed,
@@ -154,14 +157,8 @@ class BakeReport:
             ),
             (
                 self.faces_without_texel,
-                f"{self.faces_without_texel:,} of {self.n_low_faces:,} triangles "
-                + ("owns" if self.faces_without_texel == 1 else "own")
-                + " no texel"
-                + (
-                    f", {counts.faces_without_uv_area:,} of them without area in texture space"
-                    if counts.faces_without_uv_area
-                    else ""
-                ),
+                f"{self.faces_without_texel:,} of {self.n_low_faces:,} triangles {own} no texel"
+                f"{flat}",
             ),
             (
                 self.padding_meets,

@@ -5,7 +5,8 @@ of bytes. Images get the sides and qualities with the least error in the bytes t
 error of a picture is measured on its texels, once for a side and once for a quality at that side.
 Pictures of the whole decide between candidates.
 
-For a number of bytes, four numbers of triangles are tried, from many to few. For a PSNR, bisection
+For a number of bytes, numbers of triangles are tried from many to few: four that fit, unless fewer
+triangles look worse. For a PSNR, bisection
 finds the fewest triangles that reach it with the finest images, and then the fewest bytes; more
 triangles are tried as long as the file gets smaller with them.
 

@@ -12,17 +12,21 @@ import numpy as np
 
 from texbake.errors import FileFormatError, OptionError, UvError
 from texbake.files import PathLike
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, Mesh
 
 COLORS = "colors"  # in place of an image: the vertex colors
 _ROUNDING = 1e-6  # of float32 files, by which a coordinate may lie outside the unit square
 _DIVISIONS = 4  # of each edge; the image is read in the middle of the triangles between them
 
 
-def importance_at(source: PathLike, mesh: Mesh) -> FloatArray:
-    """(F,) numbers from 0 to 1 by an image over the mesh's coordinates, or its vertex colors."""
+def importance_at(source: PathLike, meshes: Sequence[Mesh]) -> list[FloatArray]:
+    """(F,) numbers from 0 to 1 of each mesh, by an image over its coordinates, or vertex colors."""
     if str(source) != COLORS:
-        return _painted(source, mesh, "importance")
+        return _painted(source, meshes, "importance")
+    return [_by_colors(mesh) for mesh in meshes]
+
+
+def _by_colors(mesh: Mesh) -> FloatArray:
     if mesh.colors is None:
         raise OptionError(
             f"importance: {mesh.name} has no vertex colors; paint some, or give an image"
@@ -43,42 +47,48 @@ def protected_at(source: PathLike, meshes: Sequence[Mesh]) -> list[Int64Array]:
         why = f"none of its faces is a face of {named}; export the protected faces from the mesh, "
         why += "without moving them"
     else:
-        found = [np.flatnonzero(_painted(source, mesh, "protect") > 0.5) for mesh in meshes]
+        found = [np.flatnonzero(gray > 0.5) for gray in _painted(source, meshes, "protect")]
         why = f"no face of {named} is more than half white; paint the protected faces white"
     if not any(map(len, found)):
         raise FileFormatError(f"{source}: {why}")
     return found
 
 
-def _painted(path: PathLike, mesh: Mesh, option: str) -> FloatArray:
-    """(F,) mean of an image over each face, in the mesh's present coordinates."""
+def _painted(path: PathLike, meshes: Sequence[Mesh], option: str) -> list[FloatArray]:
+    """(F,) mean of an image over each face of each mesh, in its present coordinates."""
     from texbake.texture.image import read_header, read_image
-    from texbake.texture.lookup import lookup
 
-    if mesh.uvs is None:
-        raise UvError(
-            f"{mesh.name}: it has no texture coordinates, over which {option} reads an image; "
-            "unwrap it first, and paint on that"
-        )
-    corners = mesh.corner_uvs()
-    if not ((corners >= -_ROUNDING) & (corners <= 1.0 + _ROUNDING)).all():
-        raise UvError(
-            f"{mesh.name}: it has texture coordinates outside 0 to 1, where {option} reads no "
-            "image; move them into one tile first"
-        )
+    for mesh in meshes:
+        if mesh.uvs is None:
+            raise UvError(
+                f"{mesh.name}: {option} with an image needs texture coordinates, and it has none; "
+                "unwrap it first, and paint on that"
+            )
+        corners = mesh.corner_uvs()
+        if not ((corners >= -_ROUNDING) & (corners <= 1.0 + _ROUNDING)).all():
+            raise UvError(
+                f"{mesh.name}: {option} with an image needs texture coordinates from 0 to 1, and "
+                "some lie outside; move them into one tile first"
+            )
     pixels = read_image(path, color=False).pixels.astype(np.float64)
     gray = _gray(pixels, by_alpha=not read_header(path).is_premultiplied)
     image = gray[..., None].astype(np.float32)
-    points = _centers()
-    sums = np.zeros(mesh.n_faces)
+    found = [_face_means(image, mesh.corner_uvs()) for mesh in meshes]
+    if not all(np.isfinite(means).all() for means in found):
+        raise FileFormatError(
+            f"{path}: {option}: some values are not finite; save the image without them"
+        )
+    return [np.clip(means, 0.0, 1.0) for means in found]
+
+
+def _face_means(image: Float32Array, corners: FloatArray) -> FloatArray:
+    """(F,) mean of a gray image over faces, by the coordinates of their corners (F, 3, 2)."""
+    from texbake.texture.lookup import lookup
+
+    points, sums = _centers(), np.zeros(len(corners))
     for weights in points:
         sums += lookup(image, (corners * weights[:, None]).sum(axis=1))[:, 0]
-    if not np.isfinite(sums).all():
-        raise FileFormatError(
-            f"{path}: it has values that are not finite, where {option} reads it for {mesh.name}; "
-            "save it without them"
-        )
-    return np.clip(sums / len(points), 0.0, 1.0)
+    return sums / len(points)
 
 
 def _gray(values: FloatArray, *, by_alpha: bool = True) -> FloatArray:

@@ -32,8 +32,8 @@ _WHOLE = (
     "be read in pieces"
 )
 _NOT_WHOLE = (
-    "drop_hidden: {mesh} is read in pieces, but finding hidden parts needs the whole mesh in "
-    "memory; raise `max_memory`, or leave out `drop_hidden`"
+    "drop_hidden: {mesh} is too large to be read whole, and finding hidden parts needs the whole "
+    "mesh; raise `max_memory`, or leave out `drop_hidden`"
 )
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
@@ -121,9 +121,7 @@ def simplify_levels(
     notes: tuple[str, ...] = ()
     n_faces = read.n_faces
     if options.drop_hidden:
-        if source is not None:
-            raise OptionError(_NOT_WHOLE.format(mesh=Path(mesh).name))
-        with Stages(progress).stage("find hidden faces"):
+        with Stages(progress).stage("find hidden parts"):
             read, materials, notes = _without_hidden(read, materials, threads)
     if options.join_objects:
         read = joined_objects(read)
@@ -164,6 +162,8 @@ def _read(
     if options.error is None and counts and _file_size(path) > 8 * most:
         source = open_source(path)
         if source is not None and source.n_rows > most and not source.has_uvs:
+            if options.drop_hidden:
+                raise OptionError(_NOT_WHOLE.format(mesh=Path(path).name))
             with Stages(progress).stage(f"reduce {Path(path).name} in pieces"):
                 reduced = ReducedMesh.of(
                     StreamedMesh.open(source, threads=threads), max(counts), threads=threads
@@ -183,7 +183,7 @@ def _without_hidden(
 
     rig = materials.rig
     if mesh.deformation is not None or (rig is not None and rig.content.get("animations")):
-        return mesh, materials, (f"{mesh.name}: dropped no hidden parts, because the mesh moves",)
+        return mesh, materials, (f"{mesh.name}: all parts stay, because the mesh can move",)
     is_opaque, is_one_sided = materials.walls(mesh.n_faces)
     hidden = hidden_faces(mesh, is_opaque, is_one_sided, threads=threads)
     if not hidden.any():

@@ -67,7 +67,7 @@ _JOINED_SIDES = 1.15
 _JOIN_WORK = {"good": 300, "best": 1000}
 # If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
 _CLEARLY_BETTER = 0.7
-_NOT_FREE = "seams are marked, faces are protected or halves overlap"
+_NO_TUBES = "no tube is unrolled where seams are marked, faces are protected or halves overlap"
 # Steps from zero to the size of the largest of several meshes.
 _SIZES = 2.0**40
 
@@ -250,7 +250,7 @@ def _make_charts(
         charts = with_cuts_noted(surface, charts, protected, max_stretch=options.max_stretch)
     notes = (
         (n_within, f"{n_within:,} hard edges have no seam, because they end within a chart"),
-        (options.straighten and not is_free, "no tube is unrolled where " + _NOT_FREE),
+        (options.straighten and not is_free, _NO_TUBES),
     )
     return replace(charts, notes=(*charts.notes, *(note for applies, note in notes if applies)))
 

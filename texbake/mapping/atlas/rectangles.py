@@ -225,7 +225,7 @@ def _rectangle(
 ) -> FloatArray | None:
     """(n, 2) layout of a chart as a rectangle, longer in u, by its outline and the corners of that.
 
-    None if it is no strip, or stretches too much.
+    None if it is too short, opposite sides differ too much in length, or it stretches too much.
     """
     loop = np.roll(loop, -corners[0])
     ends = [*(corners - corners[0]), len(loop)]
@@ -265,7 +265,7 @@ def _outline(faces: IntArray) -> IntArray | None:
 
 
 def _corners(outline: FloatArray) -> IntArray | None:
-    """(4,) ascending places of the corners along an outline (k, 2); None if it has not four."""
+    """(4,) ascending places of the corners along an outline (k, 2); None unless it has four."""
     n = len(outline)
     around = np.concatenate([outline, outline, outline, outline[:1]])
     steps = pm.norm(around[1:] - around[:-1], axis=1)
