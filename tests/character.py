@@ -40,17 +40,14 @@ def character(n: int = 24, rings: int = 41) -> tuple[Mesh, Rig]:
     faces = np.concatenate([_grid(n, rings), len(body) + _grid(8, 2)])
     mesh = Mesh(
         positions=np.concatenate([body, wheel * _SCALE + place[:3, 3]]).astype(np.float32),
-        faces=faces,
-        face_groups=np.repeat([0, 1], [2 * n * (rings - 1), 16]),
-        group_names=("body", "wheel"),
-        group_objects=(BODY, WHEEL),
+        faces=faces, face_groups=np.repeat([0, 1], [2 * n * (rings - 1), 16]),
+        group_names=("body", "wheel"), group_objects=(BODY, WHEEL),
         deformation=Deformation(
-            joints.astype(np.int32),
-            weights,
+            joints.astype(np.int32), weights,
             (Morph.of_rows(np.concatenate([bulge, 0 * wheel]).astype(np.float32).astype(float)),),
         ),
         name="character",
-    )
+    )  # fmt: skip
     bind = np.tile(np.eye(4), (2, 1, 1))
     bind[1, 3, 1] = -1.0  # columns are written one after the other
     turn = np.stack([0 * TIMES, 0 * TIMES, pm.sin(TIMES * np.pi / 4), pm.cos(TIMES * np.pi / 4)])
@@ -85,19 +82,16 @@ def character(n: int = 24, rings: int = 41) -> tuple[Mesh, Rig]:
         "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point", "name": "lamp"}]}},
     }
     rig = Rig(
-        content=content,
-        arrays={i: rows.astype(np.float32) for i, rows in enumerate(arrays)},
+        content=content, arrays={i: rows.astype(np.float32) for i, rows in enumerate(arrays)},
         objects={
             BODY: RigObject(
-                node=BODY,
-                matrix=np.eye(4),
-                fields={"name": "tube", "extras": {"targetNames": ["bulge"]}},
-                n_morphs=1,
+                node=BODY, matrix=np.eye(4),
+                fields={"name": "tube", "extras": {"targetNames": ["bulge"]}}, n_morphs=1,
             ),
             WHEEL: RigObject(node=WHEEL, matrix=place),
         },
         has_morph_normals=True,
-    )
+    )  # fmt: skip
     return mesh, rig
 
 

@@ -163,12 +163,10 @@ def bracket(n_x=4, n_y=3, n=32):
     first, after = np.arange(n), np.roll(np.arange(n), -1)
     corner = n + first * 4 // n
     turns = corner != corner[after]
-    top = np.concatenate(
-        [
-            np.stack([first, corner, after], axis=1),
-            np.stack([corner, corner[after], after], axis=1)[turns],
-        ]
-    )
+    top = np.concatenate([
+        np.stack([first, corner, after], axis=1),
+        np.stack([corner, corner[after], after], axis=1)[turns],
+    ])  # fmt: skip
     places = np.stack(np.meshgrid(np.arange(n_x), np.arange(n_y)), axis=-1).reshape(-1, 1, 2)
     cells = (cell + places).round(12)
     points, ids = np.unique(cells.reshape(-1, 2), axis=0, return_inverse=True)
@@ -210,17 +208,13 @@ def organs():
 
 
 MADE = {
-    "figure": lambda: creature(24),
-    "bumpy figure": lambda: creature(96, 0.012),
-    "figure with coordinates": lambda: read_mesh(CASES / "figure_low.obj"),
-    "scan": scan,
-    "sponge": lambda: sponge(2),
-    "bracket": bracket,
-    "fused cells": fused,
+    "figure": lambda: creature(24), "bumpy figure": lambda: creature(96, 0.012),
+    "figure with coordinates": lambda: read_mesh(CASES / "figure_low.obj"), "scan": scan,
+    "sponge": lambda: sponge(2), "bracket": bracket, "fused cells": fused,
     "inverted figure": inverted,
     "crossing figures": lambda: joined(creature(24), moved(creature(24), by=(0.1, 0.13, 0.17))),
     "organs": organs,
-}
+}  # fmt: skip
 BROKEN = ("fused cells", "inverted figure", "crossing figures", "organs")
 
 

@@ -16,17 +16,14 @@ FACTORS = (100.0, 0.01, 3.0, 1e5, 1e-3, 7.3)
 
 # Meshes on which many choices cost the same, and two without such.
 MESHES = {
-    "icosphere": lambda: icosphere(2),
-    "sphere with coordinates": lambda: uv_sphere(8, 16),
+    "icosphere": lambda: icosphere(2), "sphere with coordinates": lambda: uv_sphere(8, 16),
     "orange": lambda: orange(1000),
     "two objects": lambda: joined(
-        icosphere(2), moved(uv_sphere(8, 16), scale=0.5, by=(1.7, 0.3, 0.1))
+        icosphere(2), moved(uv_sphere(8, 16), scale=0.5, by=(1.7, 0.3, 0.1)),
     ),
-    "plate with holes": lambda: bracket(2, 1, 8),
-    "sponge": lambda: sponge(1),
-    "figure": lambda: creature(12),
-    "noisy figure": lambda: noisy(creature(12)),
-}
+    "plate with holes": lambda: bracket(2, 1, 8), "sponge": lambda: sponge(1),
+    "figure": lambda: creature(12), "noisy figure": lambda: noisy(creature(12)),
+}  # fmt: skip
 
 
 def noisy(mesh):
@@ -76,16 +73,11 @@ def checked(mesh):
 
 
 VERBS = {
-    "simplify": simplified("fast"),
-    "simplify best": simplified("best"),
-    "simplify to an error": simplified("fast", "8%"),
-    "unwrap": unwrapped(),
-    "unwrap fast": unwrapped(quality="fast"),
-    "remesh": remeshed,
-    "repair": repaired,
-    "cage": caged,
+    "simplify": simplified("fast"), "simplify best": simplified("best"),
+    "simplify to an error": simplified("fast", "8%"), "unwrap": unwrapped(),
+    "unwrap fast": unwrapped(quality="fast"), "remesh": remeshed, "repair": repaired, "cage": caged,
     "check": checked,
-}
+}  # fmt: skip
 
 
 def scaled(mesh, factor):

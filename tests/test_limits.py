@@ -112,15 +112,10 @@ def test_an_image_may_be_large_if_the_user_says_so(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("place", "within"),
     [
-        ("a/b.png", True),
-        ("a/../b.png", True),
-        ("./b.png", True),
-        ("../a/b.png", True),
-        ("../b.png", False),
-        ("/etc/passwd", False),
-        ("a/../../b.png", False),
+        ("a/b.png", True), ("a/../b.png", True), ("./b.png", True), ("../a/b.png", True),
+        ("../b.png", False), ("/etc/passwd", False), ("a/../../b.png", False),
     ],
-)
+)  # fmt: skip
 def test_files_beside_another(tmp_path, monkeypatch, place, within):
     monkeypatch.delenv(ALLOW_OUTSIDE, raising=False)
     folder = tmp_path / "a"
@@ -277,14 +272,11 @@ def test_the_side_that_is_named_is_the_least_that_suffices(width, height, n_chan
 
 
 @pytest.mark.parametrize("text", ["many", "-1", "1" * 5000])
-@pytest.mark.parametrize(
-    ("variable", "read"),
-    [
-        (MAX_IMAGE, lambda: require_image_size("a.png", 1, 1, 1)),
-        (MAX_TRIANGLES, lambda: most_triangles(9)),
-        (ALLOW_OUTSIDE, allows_outside),
-    ],
-)
+@pytest.mark.parametrize(("variable", "read"), [
+    (MAX_IMAGE, lambda: require_image_size("a.png", 1, 1, 1)),
+    (MAX_TRIANGLES, lambda: most_triangles(9)),
+    (ALLOW_OUTSIDE, allows_outside),
+])  # fmt: skip
 def test_a_variable_with_another_value_is_one_line(variable, read, text, monkeypatch):
     monkeypatch.setenv(variable, text)
     with pytest.raises(OptionError, match=rf"^{variable}: '[^\n]{{1,100}} is n[^\n]*$"):
@@ -305,15 +297,10 @@ def test_any_number_of_options_may_stand_before_the_name_of_a_map():
 @pytest.mark.parametrize(
     ("word", "seconds"),
     [
-        ("20s", 20.0),
-        ("500ms", 0.5),
-        ("2min", 120.0),
-        ("1h", 3600.0),
-        (3, 3.0),
-        (" 1.5 ", 1.5),
+        ("20s", 20.0), ("500ms", 0.5), ("2min", 120.0), ("1h", 3600.0), (3, 3.0), (" 1.5 ", 1.5),
         (" 3 s", 3.0),
     ],
-)
+)  # fmt: skip
 def test_units_of_durations(word, seconds):
     assert parse_seconds(word) == seconds
 

@@ -63,11 +63,9 @@ NEEDS = {
     'texbake.write_image(np.zeros((2, 2, 3)), out / "a.exr")': "openimageio",
     "texbake.to_trimesh(low)": "trimesh",
     'texbake.unwrap(low, texbake.UnwrapOptions(charts="xatlas"))': "xatlas",
-    "texbake.show(low)": "pillow",
-    "low._repr_html_()": "pillow",
-    'texbake.read_scene(out / "a.toml")': "pydantic",
-    'texbake.build(out / "a.toml")': "filelock",
-}
+    "texbake.show(low)": "pillow", "low._repr_html_()": "pillow",
+    'texbake.read_scene(out / "a.toml")': "pydantic", 'texbake.build(out / "a.toml")': "filelock",
+}  # fmt: skip
 
 
 def tour_alone(folder, code):
@@ -112,20 +110,15 @@ def test_each_missing_library_is_named_with_what_installs_it(tmp_path):
     dependencies = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     names = [re.match(r"[\w-]+", line)[0] for line in dependencies["dependencies"]]
     lines = [
-        "import importlib.util, numpy as np, texbake",
-        "from texbake.mesh.shapes import cube",
+        "import importlib.util, numpy as np, texbake", "from texbake.mesh.shapes import cube",
         f"found = [n for n in {names} if importlib.util.find_spec(n.replace('-', '_'))]",
-        "assert found == ['numpy'], found",
-        "low = cube()",
-        "for name in 'a.toml', 'uvs.png':",
+        "assert found == ['numpy'], found", "low = cube()", "for name in 'a.toml', 'uvs.png':",
         "    (out / name).write_bytes(b'\\x89PNG\\r\\n\\x1a\\n')",
-    ]
+    ]  # fmt: skip
     for need in NEEDS:
         lines += [
-            "try:",
-            f"    print('works:', {need})",
-            "except texbake.errors.DependencyError as error:",
-            "    print(error)",
-        ]
+            "try:", f"    print('works:', {need})",
+            "except texbake.errors.DependencyError as error:", "    print(error)",
+        ]  # fmt: skip
     said = tour_alone(tmp_path, "\n".join(lines)).splitlines()
     assert [line.rpartition("pip install ")[2].strip('"') for line in said] == [*NEEDS.values()]

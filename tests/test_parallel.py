@@ -69,12 +69,9 @@ def test_an_interrupt_while_threads_are_started_stops_those_that_run(monkeypatch
 def test_progress_is_reported_in_the_calling_thread():
     callers = set()
     run_bands(
-        lambda start, stop: None,
-        20,
-        band=1,
-        threads=4,
+        lambda start, stop: None, 20, band=1, threads=4,
         advance=lambda n: callers.add(threading.get_ident()),
-    )
+    )  # fmt: skip
     assert callers == {threading.get_ident()}
 
 

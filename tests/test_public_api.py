@@ -16,16 +16,9 @@ from texbake.mesh.shapes import plane
 
 # Each takes 0.1 s or more to import; none may be paid for before it is used.
 HEAVY = {
-    "meshoptimizer",
-    "numpy",
-    "OpenImageIO",
-    "pymeshlab",
-    "rich",
-    "scipy",
-    "skimage",
-    "trimesh",
+    "meshoptimizer", "numpy", "OpenImageIO", "pymeshlab", "rich", "scipy", "skimage", "trimesh",
     "xatlas",
-}
+}  # fmt: skip
 
 
 def modules_after(statement):

@@ -32,14 +32,8 @@ DOCUMENT = {
     "buffers": [{"byteLength": 36, "uri": "data:;base64," + "AAAA" * 12}],
 }
 VALUES = [
-    LONG,
-    [LONG],
-    {LONG: LONG},
-    10**3000,
-    "../" + LONG,
-    "TEXCOORD_" + "9" * 5000,
-    "data:" + LONG,
-]
+    LONG, [LONG], {LONG: LONG}, 10**3000, "../" + LONG, "TEXCOORD_" + "9" * 5000, "data:" + LONG,
+]  # fmt: skip
 SCENE = """
 name = "scene"
 [camera]

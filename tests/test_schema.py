@@ -25,41 +25,35 @@ class Choices(CheckedOptions):
     )
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        {},
-        {"count": 8, "angle": 0.5, "word": "b", "samples": "many", "words": ("a", "b")},
-        {"axis": (0, 1.0, 0), "size": (2, 1), "view": (1, 2, None), "samples": 4},
-        {"angle": 90},
-    ],
-)
+@pytest.mark.parametrize("values", [
+    {},
+    {"count": 8, "angle": 0.5, "word": "b", "samples": "many", "words": ("a", "b")},
+    {"axis": (0, 1.0, 0), "size": (2, 1), "view": (1, 2, None), "samples": 4},
+    {"angle": 90},
+])  # fmt: skip
 def test_values_that_can_be(values):
     options = Choices(**values)
     assert {name: getattr(options, name) for name in values} == values
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"count": 9}, "count: 9 is out of range; it must be 1 to 8 texels"),
-        ({"count": 1.0}, "count: 1.0 is not a whole number"),
-        ({"count": True}, "count: True is not a whole number"),
-        ({"count": None}, "count: None is not a whole number"),
-        ({"angle": 0}, "angle: 0 is out of range; it must be above 0 and below 180"),
-        ({"angle": float("nan")}, "angle: nan is not a finite number"),
-        ({"word": "c"}, "word: c is not one of a, b"),
-        ({"samples": 2}, "samples: 2 is not one of 1, 4, many"),
-        ({"samples": 4.0}, "samples: 4.0 is not one of 1, 4, many"),  # though it equals 4
-        ({"samples": True}, "samples: True is not one of 1, 4, many"),
-        ({"words": ("a", "c")}, "words: c is not one of a, b"),
-        ({"axis": "y"}, "axis: y is neither one of x nor 3 finite numbers"),
-        ({"axis": (1, 2)}, "axis: (1, 2) is neither one of x nor 3 finite numbers"),
-        ({"size": (4, 4, 4)}, "size: (4, 4, 4) is neither a whole number nor 2 whole numbers"),
-        ({"size": (4, 0)}, "size: 0 is out of range; it must be 1 or more"),
-        ({"view": (1,)}, "view: (1,) is neither 2 finite numbers nor 3 finite numbers"),
-    ],
-)
+@pytest.mark.parametrize(("values", "message"), [
+    ({"count": 9}, "count: 9 is out of range; it must be 1 to 8 texels"),
+    ({"count": 1.0}, "count: 1.0 is not a whole number"),
+    ({"count": True}, "count: True is not a whole number"),
+    ({"count": None}, "count: None is not a whole number"),
+    ({"angle": 0}, "angle: 0 is out of range; it must be above 0 and below 180"),
+    ({"angle": float("nan")}, "angle: nan is not a finite number"),
+    ({"word": "c"}, "word: c is not one of a, b"),
+    ({"samples": 2}, "samples: 2 is not one of 1, 4, many"),
+    ({"samples": 4.0}, "samples: 4.0 is not one of 1, 4, many"),  # though it equals 4
+    ({"samples": True}, "samples: True is not one of 1, 4, many"),
+    ({"words": ("a", "c")}, "words: c is not one of a, b"),
+    ({"axis": "y"}, "axis: y is neither one of x nor 3 finite numbers"),
+    ({"axis": (1, 2)}, "axis: (1, 2) is neither one of x nor 3 finite numbers"),
+    ({"size": (4, 4, 4)}, "size: (4, 4, 4) is neither a whole number nor 2 whole numbers"),
+    ({"size": (4, 0)}, "size: 0 is out of range; it must be 1 or more"),
+    ({"view": (1,)}, "view: (1,) is neither 2 finite numbers nor 3 finite numbers"),
+])  # fmt: skip
 def test_values_that_cannot_be(values, message):
     with pytest.raises(OptionError) as caught:
         Choices(**values)
@@ -80,12 +74,9 @@ def test_numbers_of_numpy_become_those_of_python():
 
 def test_a_field_becomes_json_schema():
     assert option_field(Choices, "count").json_schema() == {
-        "type": "integer",
-        "minimum": 1,
-        "maximum": 8,
-        "description": "A count, in texels.",
+        "type": "integer", "minimum": 1, "maximum": 8, "description": "A count, in texels.",
         "default": 4,
-    }
+    }  # fmt: skip
     three = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
     assert option_field(Choices, "axis").json_schema()["anyOf"] == [{"enum": ["x"]}, three]
 

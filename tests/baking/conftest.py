@@ -18,14 +18,10 @@ def painted(tmp_path_factory):
     angles = np.arctan2(points[:, 1], points[:, 0])
     groups = (points[ball.faces].mean(axis=1)[:, 2] > 0.0).astype(np.int32)
     high = ball.replace(
-        positions=points,
-        colors=(0.5 + 0.4 * points).astype(np.float32),
-        uvs=np.stack([angles, points[:, 2]], axis=1),
-        uv_faces=ball.faces,
-        face_groups=groups,
-        group_names=("south", "north"),
-        name="dents.ply",
-    )
+        positions=points, colors=(0.5 + 0.4 * points).astype(np.float32),
+        uvs=np.stack([angles, points[:, 2]], axis=1), uv_faces=ball.faces, face_groups=groups,
+        group_names=("south", "north"), name="dents.ply",
+    )  # fmt: skip
     path = tmp_path_factory.mktemp("image") / "noise.png"
     write_image(np.random.default_rng(2).random((8, 8, 3), dtype=np.float32), path, color=True)
     image = ChannelImage(path.read_bytes(), "noise.png", wraps=("mirror", "clamp"))

@@ -23,13 +23,9 @@ def test_same_normals_as_blender(named_pair, cull):
     _, _, path, distance, n_from_behind = PAIRS[name]
     image = read_image(path, color=False)
     options = BakeOptions(
-        size=len(image.pixels),
-        rays="vertex",
-        front=distance,
-        back=distance,
-        padding=0,
+        size=len(image.pixels), rays="vertex", front=distance, back=distance, padding=0,
         cull_back_faces=cull,
-    )
+    )  # fmt: skip
     result = bake(high, low, options)
     blender = decode_normals(image.pixels)
     # Blender nudges coordinates by a thousandth of a texel, so a few texels at borders are covered

@@ -29,13 +29,9 @@ SHAPES = {"sphere": uv_sphere(12, 24), "box": HARD_EDGES, "plane": plane(3, 2)}
 def test_high_equal_to_low_is_flat_everywhere(shape, samples, convention):
     mesh = SHAPES[shape]
     options = BakeOptions(
-        size=96,
-        samples=samples,
-        padding=0,
-        maps=("normal", "displacement"),
-        front=0.05 * mesh.diagonal,
-        back=0.05 * mesh.diagonal,
-    )
+        size=96, samples=samples, padding=0, maps=("normal", "displacement"),
+        front=0.05 * mesh.diagonal, back=0.05 * mesh.diagonal,
+    )  # fmt: skip
     result = bake(mesh, mesh, options)
     assert result.report.texels_missed == 0
     normals = result.maps["normal"].values
@@ -210,17 +206,14 @@ def _permuted(low, seed):
     return low.replace(positions=1.1 * low.positions[order])
 
 
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        (lambda low: low.replace(positions=0.9 * low.positions), "100 % of it lies behind"),
-        (lambda low: _permuted(low, 0), "in another order"),
-        (lambda low: low.replace(positions=1.1 * np.roll(low.positions, 5, axis=0)), "order"),
-        (lambda low: low.replace(positions=-1.1 * low.positions), "100 % of it lies behind"),
-        (lambda low: low, None),
-        (lambda low: low.replace(positions=1.5 * low.positions), None),
-    ],
-)
+@pytest.mark.parametrize("change, message", [
+    (lambda low: low.replace(positions=0.9 * low.positions), "100 % of it lies behind"),
+    (lambda low: _permuted(low, 0), "in another order"),
+    (lambda low: low.replace(positions=1.1 * np.roll(low.positions, 5, axis=0)), "order"),
+    (lambda low: low.replace(positions=-1.1 * low.positions), "100 % of it lies behind"),
+    (lambda low: low, None),
+    (lambda low: low.replace(positions=1.5 * low.positions), None),
+])  # fmt: skip
 @pytest.mark.parametrize("size", [1.0, 1e150])
 def test_a_cage_must_enclose_the_mesh_with_its_vertices_in_order(change, message, size):
     low = uv_sphere(8, 16)

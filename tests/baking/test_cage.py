@@ -92,12 +92,9 @@ def test_vertices_of_one_position_move_together():
     low = icosphere(1)
     split = low.replace(
         positions=low.positions[low.faces].reshape(-1, 3),
-        faces=np.arange(3 * low.n_faces, dtype=np.int32).reshape(-1, 3),
-        uvs=None,
-        uv_faces=None,
-        normals=None,
-        normal_faces=None,
-    )
+        faces=np.arange(3 * low.n_faces, dtype=np.int32).reshape(-1, 3), uvs=None, uv_faces=None,
+        normals=None, normal_faces=None,
+    )  # fmt: skip
     high = icosphere(4)
     cage = fit_cage(high, split).mesh
     assert len(np.unique(cage.positions, axis=0)) == low.n_vertices

@@ -113,12 +113,9 @@ def test_every_channel_comes_back_within_a_level(tmp_path):
         pixels = np.rint(255.0 * smooth_noise(rng, N, 3)).astype(np.uint8)
         codes[name] = pixels[:, :, :width]
         image = image_of(
-            tmp_path,
-            f"{name}.png",
-            pixels,
-            is_color=channel.is_color,
+            tmp_path, f"{name}.png", pixels, is_color=channel.is_color,
             components=tuple(range(width)),
-        )
+        )  # fmt: skip
         sources[name.replace("-", "_")] = ChannelSource((1.0,) * width, image)
     result = baked(mesh, material_of(mesh, **sources), *codes)
     for name, expected in codes.items():
@@ -146,14 +143,9 @@ def test_wrapping_may_differ_along_u_and_v(tmp_path):
     pixels[:, 3, 0] = 255
     pixels[0, :, 1] = 255
     image = image_of(
-        tmp_path,
-        "w.png",
-        pixels,
-        is_color=True,
-        wraps=("clamp", "mirror"),
-        placing=((2.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
-        is_nearest=True,
-    )
+        tmp_path, "w.png", pixels, is_color=True, wraps=("clamp", "mirror"),
+        placing=((2.0, 0.0, 0.0), (0.0, 2.0, 0.0)), is_nearest=True,
+    )  # fmt: skip
     mesh = plane(4, 4)
     color = ChannelSource((1.0, 1.0, 1.0), image)
     values = baked(mesh, material_of(mesh, base_color=color), "base-color")
@@ -211,9 +203,7 @@ def test_one_image_is_for_one_channel(tmp_path):
     files = {name: tmp_path / f"{name}.png" for name in ("normal", "base-color", "roughness")}
     with pytest.raises(OptionError, match="is the image of one map, and base-color, rough"):
         bake_files(
-            tmp_path / "a.obj",
-            tmp_path / "a.obj",
-            files,
+            tmp_path / "a.obj", tmp_path / "a.obj", files,
             files=BakeFiles(high_texture=tmp_path / "a.png"),
-        )
+        )  # fmt: skip
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.obj", "a.png"]

@@ -128,12 +128,10 @@ def test_the_order_of_faces_and_vertices_changes_nothing(painted, baked):
     )
     place = np.argsort(vertices)
     other = high.replace(
-        positions=high.positions[vertices],
-        colors=high.colors[vertices],
-        faces=place[high.faces][faces],
-        uv_faces=high.uv_faces[faces],
+        positions=high.positions[vertices], colors=high.colors[vertices],
+        faces=place[high.faces][faces], uv_faces=high.uv_faces[faces],
         face_groups=high.face_groups[faces],
-    )
+    )  # fmt: skip
     of_faces = replace(materials, face_materials=materials.face_materials[faces])
     turned = low.replace(
         faces=np.roll(low.faces[low_faces], 1, axis=1),

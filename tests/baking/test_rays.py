@@ -202,16 +202,13 @@ def test_an_offset_limits_the_front_distance():
     assert np.array_equal(result.has_data, np.broadcast_to(np.arange(16) < 8, (16, 16)))
 
 
-@pytest.mark.parametrize(
-    ("images", "message"),
-    [
-        ({"skew_mask": image(1.5)}, "skew_mask: its values go from 1.5 to 1.5; .* 0 to 1"),
-        ({"skew_mask": image(np.nan)}, "skew_mask"),
-        ({"offset_map": image(-1.0)}, "offset_map: .* 0 or more"),
-        ({"offset_map": np.zeros(3)}, "offset_map: the shape"),
-        ({"offset_map": np.zeros((0, 4))}, "offset_map: the shape"),
-    ],
-)
+@pytest.mark.parametrize(("images", "message"), [
+    ({"skew_mask": image(1.5)}, "skew_mask: its values go from 1.5 to 1.5; .* 0 to 1"),
+    ({"skew_mask": image(np.nan)}, "skew_mask"),
+    ({"offset_map": image(-1.0)}, "offset_map: .* 0 or more"),
+    ({"offset_map": np.zeros(3)}, "offset_map: the shape"),
+    ({"offset_map": np.zeros((0, 4))}, "offset_map: the shape"),
+])  # fmt: skip
 def test_images_out_of_range_are_an_error(images, message):
     with pytest.raises(OptionError, match=message):
         bake(plane(), plane(), BakeOptions(size=8), **images)

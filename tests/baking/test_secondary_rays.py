@@ -207,11 +207,9 @@ def test_rays_that_no_map_needs_are_not_cast(caster):
 def test_a_hemisphere_stands_on_the_side_of_the_shading_normal():
     # A face wound the wrong way with a normal that is right, and one that has no area.
     mesh = Mesh(
-        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]],
-        faces=[[0, 2, 1], [0, 1, 1]],
-        normals=[[0.6, 0, 0.8]],
-        normal_faces=[[0, 0, 0], [0, 0, 0]],
-    )
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 2, 1], [0, 1, 1]],
+        normals=[[0.6, 0, 0.8]], normal_faces=[[0, 0, 0], [0, 0, 0]],
+    )  # fmt: skip
     hemispheres = rays_on(mesh, flat=False).hemispheres(hits_on(mesh, [0, 1]), 1)
     np.testing.assert_allclose(hemispheres.axes, [[0.6, 0, 0.8]] * 2, rtol=1e-6)
     np.testing.assert_allclose(hemispheres.planes, [[0, 0, 1], [0.6, 0, 0.8]], rtol=1e-6)

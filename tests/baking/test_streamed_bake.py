@@ -69,16 +69,13 @@ def test_any_chunks_and_threads(folder, n_chunks, threads, monkeypatch):
     assert_same_bake(folder, "high.ply", options, n_chunks, monkeypatch)
 
 
-@pytest.mark.parametrize(
-    ("name", "changes"),
-    [
-        ("high.stl", {"maps": ("normal", "displacement")}),
-        ("normals.ply", {"maps": ("normal",)}),
-        ("high.ply", {"maps": ("normal",), "high_shading": "flat"}),
-        ("high.ply", {"maps": ("normal", "opacity"), "front": 0.001, "back": 0.001}),
-        ("high.ply", {"maps": ("displacement",), "cull_back_faces": False}),
-    ],
-)
+@pytest.mark.parametrize(("name", "changes"), [
+    ("high.stl", {"maps": ("normal", "displacement")}),
+    ("normals.ply", {"maps": ("normal",)}),
+    ("high.ply", {"maps": ("normal",), "high_shading": "flat"}),
+    ("high.ply", {"maps": ("normal", "opacity"), "front": 0.001, "back": 0.001}),
+    ("high.ply", {"maps": ("displacement",), "cull_back_faces": False}),
+])  # fmt: skip
 def test_other_files_and_options(folder, name, changes, monkeypatch):
     options = BakeOptions(**{**vars(OPTIONS), **changes})
     assert_same_bake(folder, name, options, 3, monkeypatch)
@@ -125,16 +122,13 @@ def test_sizes_of_chunks():
     assert BakeOptions(size=1024, max_memory=limit).streamed_chunk_faces(10) == 1_000_000
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"maps": ("normal", "ao")}, "ao need all of it at once"),
-        ({"maps": ("curvature", "convexity")}, "curvature, convexity need all of it at once"),
-        ({"samples": "adaptive"}, "use 1, 4, 16 or 64 `samples`"),
-        ({"samples": 1, "time_budget": "3s"}, "use 1, 4, 16 or 64 `samples`"),
-        ({"keep_hits": True}, "its hits cannot be kept"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"maps": ("normal", "ao")}, "ao need all of it at once"),
+    ({"maps": ("curvature", "convexity")}, "curvature, convexity need all of it at once"),
+    ({"samples": "adaptive"}, "use 1, 4, 16 or 64 `samples`"),
+    ({"samples": 1, "time_budget": "3s"}, "use 1, 4, 16 or 64 `samples`"),
+    ({"keep_hits": True}, "its hits cannot be kept"),
+])  # fmt: skip
 def test_what_needs_the_whole_mesh(folder, tmp_path, changes, message):
     options = BakeOptions(**{**vars(OPTIONS), "max_memory": "1M", **changes})
     with pytest.raises(OptionError, match=rf"^max_memory: high.ply .*{message}") as error:

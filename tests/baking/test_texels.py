@@ -92,15 +92,12 @@ def test_faces_outside_the_tile_are_clipped_and_counted():
     assert n_overlaps == 0
 
 
-@pytest.mark.parametrize(
-    ("uvs", "why"),
-    [
-        ([[0.5, 0.5]] * 3, "no area"),
-        ([[0.1, 0.1], [0.5, 0.5], [0.9, 0.9]], "no area"),
-        ([[2, 2], [3, 2], [2, 3]], "unit square"),
-        ([[0.5, 0.5], [0.501, 0.5], [0.5, 0.501]], "smaller than any texel"),
-    ],
-)
+@pytest.mark.parametrize(("uvs", "why"), [
+    ([[0.5, 0.5]] * 3, "no area"),
+    ([[0.1, 0.1], [0.5, 0.5], [0.9, 0.9]], "no area"),
+    ([[2, 2], [3, 2], [2, 3]], "unit square"),
+    ([[0.5, 0.5], [0.501, 0.5], [0.5, 0.501]], "smaller than any texel"),
+])  # fmt: skip
 def test_uvs_that_cover_nothing_are_an_error(uvs, why):
     with pytest.raises(UvError, match=why):
         owners_of(mesh_of(uvs, [[0, 1, 2]]), 16, 16)

@@ -112,12 +112,9 @@ def test_coordinates_of_one_object_that_are_at_fault_are_named(place, warning):
 def test_run_keeps_objects_that_touch_apart(tmp_path, name, join):
     high = named(SCENES[name][0], "_high")
     options = RunOptions(
-        n_faces=min(high.n_faces * 3 // 4, 2000),
-        size=128,
-        samples=1,
-        compare="off",
+        n_faces=min(high.n_faces * 3 // 4, 2000), size=128, samples=1, compare="off",
         join_objects=join,
-    )
+    )  # fmt: skip
     result = run(high.replace(name="high.obj"), tmp_path, options)
     low = read_mesh(result.files["mesh"])
     assert result.baked.report.n_objects == (0 if join else len(SCENES[name][0]))

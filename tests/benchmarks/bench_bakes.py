@@ -157,12 +157,10 @@ def with_everything(high, low):
     least, greatest = high.bounds
     shares = (high.positions - least) / (greatest - least)
     high = high.replace(
-        colors=shares.astype(np.float32),
-        uvs=shares[:, :2],
-        uv_faces=high.faces,
+        colors=shares.astype(np.float32), uvs=shares[:, :2], uv_faces=high.faces,
         face_groups=(np.arange(high.n_faces) * 7 // high.n_faces).astype(np.int32),
         group_names=tuple(f"part {i}" for i in range(7)),
-    )
+    )  # fmt: skip
     return high, low, Materials.of_image(high, DATA / "textures" / "earth.ppm")
 
 
@@ -459,14 +457,10 @@ def moved_bytes(counts):
     hits = (4 + 4 + 4 + 8 + 8 + 12) * counts["hit"]  # texel, faces, barycentrics, offset
     values = 12 * counts["texel"]
     return {
-        "read": counts["read"] + mesh,
-        "tree": mesh + tree,
-        "rays and hits": tree + hits,
-        "maps": hits + 12 * counts["vertex"] + values,
-        "pad": 2 * values,
-        "encode": values + counts["written"],
-        "write": 2 * counts["written"],
-    }
+        "read": counts["read"] + mesh, "tree": mesh + tree, "rays and hits": tree + hits,
+        "maps": hits + 12 * counts["vertex"] + values, "pad": 2 * values,
+        "encode": values + counts["written"], "write": 2 * counts["written"],
+    }  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -175,13 +175,11 @@ def measured(program, path, folder):
         vertices, faces, folder
     )
     return {
-        "seconds": time.perf_counter() - start,
-        "processor": time.process_time() - before,
+        "seconds": time.perf_counter() - start, "processor": time.process_time() - before,
         "n_faces": len(low_faces),
         "border": [has_border(vertices, faces), has_border(low, low_faces)],
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
-        "stages": stages,
-    }
+        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024, "stages": stages,
+    }  # fmt: skip
 
 
 def read_from(path, file):

@@ -157,12 +157,9 @@ def make_asset(path, folder, n_faces):
     start = time.perf_counter()
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     entry = {
-        "name": name_of(path),
-        "triangles": triangles,
-        "status": ended.returncode,
-        "seconds": time.perf_counter() - start,
-        "says": ended.stderr.strip(),
-    }
+        "name": name_of(path), "triangles": triangles, "status": ended.returncode,
+        "seconds": time.perf_counter() - start, "says": ended.stderr.strip(),
+    }  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     for report in folder.glob("*_report.json"):
         made = json.loads(report.read_text())

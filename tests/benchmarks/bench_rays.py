@@ -81,15 +81,11 @@ def distances(runs=5, size=1024, threads=1, pairs=(*PAIRS, SPHERE)):
         one = texbake.BakeOptions(size=size, threads=threads, front=report.front, back=report.back)
         found = in_turn({key: partial(texbake.bake, *pair, key) for key in (fitted, one)}, runs)
         row(
-            name,
-            f"{pair[0].n_faces:,}",
-            found[one].cell(),
-            found[fitted].times(found[one]),
+            name, f"{pair[0].n_faces:,}", found[one].cell(), found[fitted].times(found[one]),
             f"{100.0 * report.counts.rays_lengthened / report.counts.rays_cast:.2f} %",
-            f"{found[one].result.report.miss_percent:.3f} %",
-            f"{report.miss_percent:.3f} %",
+            f"{found[one].result.report.miss_percent:.3f} %", f"{report.miss_percent:.3f} %",
             found[one].spread(),
-        )
+        )  # fmt: skip
 
 
 MAPS = ("normal", "displacement")
@@ -138,12 +134,10 @@ def bake_within(folder, size, share, rounds):
         maps = texbake.bake(high, low, options).maps
         seconds.append(time.perf_counter() - start)
     return {
-        "chunks": 1 if chunk is None else -(-high.n_faces // chunk),
-        "limit": limit,
-        "seconds": min(seconds),
-        "memory": peak_memory_bytes(),
+        "chunks": 1 if chunk is None else -(-high.n_faces // chunk), "limit": limit,
+        "seconds": min(seconds), "memory": peak_memory_bytes(),
         "digest": hashlib.sha256(b"".join(maps[m].values.tobytes() for m in MAPS)).hexdigest(),
-    }
+    }  # fmt: skip
 
 
 def stream(triangles=(10_000_000, 100_000_000), size=2048, max_memory="1.5G", maps=("normal",),

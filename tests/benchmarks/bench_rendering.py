@@ -212,13 +212,10 @@ def with_maps():
     normals = np.stack([0.4 * np.sin(40 * x), 0.4 * np.sin(40 * y), np.ones_like(x)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     return Case(
-        name="5 k triangles, texture, normal map",
-        mesh=mesh,
-        width=1920,
-        height=1080,
+        name="5 k triangles, texture, normal map", mesh=mesh, width=1920, height=1080,
         base_map=(128 + 90 * waves + noise).clip(0, 255).astype(np.uint8),
         normal_map=np.rint(127.5 + 127.5 * normals).astype(np.uint8),
-    )
+    )  # fmt: skip
 
 
 def vertex_stream(mesh):

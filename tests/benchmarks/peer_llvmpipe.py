@@ -206,13 +206,11 @@ class Llvmpipe:
     def _program(self, job):
         """The shader of a job's features, compiled when it is first asked for."""
         words = {
-            "LIT": job.shading != "unlit",
-            "SHINING": job.shading == "blinn-phong",
+            "LIT": job.shading != "unlit", "SHINING": job.shading == "blinn-phong",
             "MAPPED": job.base_map is not None or job.normal_map is not None,
-            "COLORED": job.base_map is not None,
-            "BENT": job.normal_map is not None,
+            "COLORED": job.base_map is not None, "BENT": job.normal_map is not None,
             "EXACT": job.exact_levels and job.filter == "trilinear",
-        }
+        }  # fmt: skip
         head = "#version 330\n" + "".join(f"#define {word}\n" for word in words if words[word])
         if head not in self._programs:
             self._programs[head] = self._context.program(
@@ -227,13 +225,10 @@ class Llvmpipe:
         is_coded = image.dtype == np.uint8
         internal = _SRGB8 if n_channels == 3 else _SRGB8_ALPHA8
         texture = self._context.texture(
-            (width, height),
-            n_channels,
-            np.ascontiguousarray(image[::-1]),
-            alignment=1,
+            (width, height), n_channels, np.ascontiguousarray(image[::-1]), alignment=1,
             dtype="f1" if is_coded else "f4",
             internal_format=internal if is_coded and is_color else None,
-        )
+        )  # fmt: skip
         if job.filter == "trilinear":
             texture.build_mipmaps()
             texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR

@@ -35,16 +35,10 @@ PAGE = HERE / "peer_threejs.html"
 # Nothing is loaded from elsewhere; the first picture takes Chromium about two seconds.
 TIMEOUT = 120.0  # seconds a picture
 FLAGS = [
-    "--headless=new",
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-dev-shm-usage",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--no-first-run",
-]
+    "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--disable-dev-shm-usage", "--disable-background-networking",
+    "--disable-component-update", "--no-first-run",
+]  # fmt: skip
 TYPES = {".js": "text/javascript", ".html": "text/html; charset=utf-8"}
 
 

@@ -65,14 +65,11 @@ def test_a_build_makes_everything_and_the_next_nothing(write, run, contents):
     assert contents(path.parent / "build") == before
 
 
-@pytest.mark.parametrize(
-    ("choices", "n_in_chunks"),
-    [
-        ("", 2),
-        ('maps = ["curvature"]\n', 0),  # it needs the whole mesh
-        ('maps = ["base-color"]\nhigh_texture = "./white.png"\n', 0),
-    ],
-)
+@pytest.mark.parametrize(("choices", "n_in_chunks"), [
+    ("", 2),
+    ('maps = ["curvature"]\n', 0),  # it needs the whole mesh
+    ('maps = ["base-color"]\nhigh_texture = "./white.png"\n', 0),
+])  # fmt: skip
 def test_less_memory_gives_the_same_bytes(
     write, run, contents, monkeypatch, tmp_path, choices, n_in_chunks
 ):
@@ -165,13 +162,10 @@ def test_a_bad_asset_fails_alone(scans, run, contents):
     assert run(scans)[1] == ["b.clean", "b.low"]
 
 
-@pytest.mark.parametrize(
-    ("name", "fault"),
-    [
-        ("b.ply", "there is no such file"),  # it is looked at later
-        ("c.ply", "it changed since the build looked at it; build again"),
-    ],
-)
+@pytest.mark.parametrize(("name", "fault"), [
+    ("b.ply", "there is no such file"),  # it is looked at later
+    ("c.ply", "it changed since the build looked at it; build again"),
+])  # fmt: skip
 def test_an_input_that_changes_or_vanishes_during_a_build(scans, inline, name, fault):
     crew = inline(slots=1 if name == "b.ply" else 9)
     submit = crew.submit

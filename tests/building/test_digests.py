@@ -82,14 +82,11 @@ def test_sidecars_of_an_obj_file(tmp_path):
     assert [path.name for path in sidecars(tmp_path / "my stuff.mtl")] == names
 
 
-@pytest.mark.parametrize(
-    ("statement", "name"),
-    [
-        (b"MAP_KD wood.png", "wood.png"),
-        (b"map_kd h\xf6lz.png", "h\u00f6lz.png"),
-        (rb"map_Kd C:\art\wood.png", "wood.png"),
-    ],
-)
+@pytest.mark.parametrize(("statement", "name"), [
+    (b"MAP_KD wood.png", "wood.png"),
+    (b"map_kd h\xf6lz.png", "h\u00f6lz.png"),
+    (rb"map_Kd C:\art\wood.png", "wood.png"),
+])  # fmt: skip
 def test_the_image_that_the_reader_finds_counts(statement, name, tmp_path):
     (tmp_path / "a.obj").write_text(OBJ.replace("my stuff", "a"))
     (tmp_path / "a.mtl").write_bytes(b"newmtl a\n" + statement)
@@ -164,16 +161,13 @@ def test_a_name_that_readers_do_not_follow_is_not_read(tmp_path, write, run):
         assert run(path)[1] == ["a.r"]
 
 
-@pytest.mark.parametrize(
-    ("named", "is_read", "is_read_if_allowed"),
-    [
-        ("https://here/in/b.bin", True, True),
-        ("https://here/in/deep/b.bin", True, True),
-        ("https://here/other/b.bin", False, True),
-        ("https://here/in-secret/b.bin", False, True),
-        ("https://elsewhere/b.bin", False, False),
-    ],
-)
+@pytest.mark.parametrize(("named", "is_read", "is_read_if_allowed"), [
+    ("https://here/in/b.bin", True, True),
+    ("https://here/in/deep/b.bin", True, True),
+    ("https://here/other/b.bin", False, True),
+    ("https://here/in-secret/b.bin", False, True),
+    ("https://elsewhere/b.bin", False, False),
+])  # fmt: skip
 def test_no_other_machine_is_asked_for_a_file(named, is_read, is_read_if_allowed):
     assert is_followed("https://here/in/a.gltf", named) == is_read
     with raised_limits(allow_outside=True):
@@ -196,16 +190,13 @@ def test_a_pipe_is_not_waited_for(suffix, tmp_path):
     assert sidecars(tmp_path / f"a{suffix}") == []
 
 
-@pytest.mark.parametrize(
-    ("library", "name"),
-    [
-        ("my stuff.mtl", "my stuff.mtl"),
-        ("my stuff.mtl", "my wood.png"),
-        ("my stuff.mtl", "gone.png"),
-        ("one.mtl two.mtl", "one.mtl"),
-        ("one.mtl two.mtl", "two.mtl"),
-    ],
-)
+@pytest.mark.parametrize(("library", "name"), [
+    ("my stuff.mtl", "my stuff.mtl"),
+    ("my stuff.mtl", "my wood.png"),
+    ("my stuff.mtl", "gone.png"),
+    ("one.mtl two.mtl", "one.mtl"),
+    ("one.mtl two.mtl", "two.mtl"),
+])  # fmt: skip
 def test_a_change_in_one_builds_again(library, name, tmp_path, write, run):
     (tmp_path / "a.obj").write_text(OBJ.replace("my stuff.mtl", library))
     for file in ("my stuff.mtl", "one.mtl", "two.mtl"):

@@ -19,73 +19,46 @@ LEVELS = '[steps.l]\ndo = "simplify"\nmesh = "high"\nfaces = [9, 8]\n'
 MAKE = '[steps.high]\ndo = "make"\nshape = "plane"\n'
 
 
-@pytest.mark.parametrize(
-    ("assets", "steps", "line", "message"),
-    [
-        ("", MAKE, None, "assets: it is missing"),
-        (ASSET, "", None, "steps: it is missing"),
-        ("assets = []\n", MAKE, 1, "assets: it is empty"),
-        (
-            '[check]\nallow = ["no-normal"]\n' + ASSET,
-            MAKE + '[steps.x]\ndo = "check"\nmesh = "high"\n',
-            2,
-            "check.allow: 'no-normal' is not a kind of finding; did you mean 'no-normals'?",
-        ),
-        ("[[assets]]\n", MAKE, 1, "assets[0]: it has neither inputs nor a name"),
-        (ASSET + "nmae = 3\n", MAKE, 3, "assets[0].nmae: unknown key; did you mean 'name'?"),
-        ("[[assets]]\nname = 3\n", MAKE, 2, "assets[0].name: 3 is not text"),
-        (ASSET + 'steps = ["hihg"]\n', MAKE, 3, "no step 'hihg'; did you mean 'high'?"),
-        (ASSET + "options.hihg = {}\n", MAKE, 3, "no such step; did you mean 'high'?"),
-        (ASSET + "options.high.size = 3\n", MAKE, 3, "assets[0].options.high.size: unknown key"),
-        (ASSET, '[steps.x]\nshape = "plane"\n', 3, "steps.x.do: it is missing; it is one of make"),
-        (
-            ASSET,
-            '[steps.x]\ndo = "bke"\n',
-            4,
-            "steps.x.do: 'bke' is not a kind of step; did you mean 'bake'?",
-        ),
-        (
-            ASSET,
-            '[steps.x]\ndo = "export"\nmesh = "high"\ntarget = "unity"\n',
-            6,
-            "steps.x.target: unknown key",
-        ),
-        (ASSET, '[steps.x]\ndo = "make"\n', 3, "steps.x.shape: it is missing"),
-        (ASSET, MAKE + "radius = 2\n", 6, "steps.high.radius: the shape plane does not use it"),
-        (ASSET, MAKE + 'width = "wide"\n', 6, "steps.high.width: 'wide' is not a number"),
-        (ASSET, MAKE + "resolution = 0\n", 6, "steps.high.resolution: 0 is out of range"),
-        (ASSET, MAKE + 'after = "x"\n', 6, "steps.high.after: no step 'x'"),
-        (ASSET, MAKE + 'output = "{aset}.{ext}"\n', 6, "{aset}, which is not known; did you mean"),
-        (ASSET, MAKE + 'output = "../x.{ext}"\n', 6, "does not lie below the folder of outputs"),
-        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "hihg"\n', 8, "did you mean 'high'?"),
-        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "high.uv"\n', 8, "makes no 'uv'"),
-        (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "z.ply"\n', 8, "nor a file there is"),
-        (ASSET, '[steps."a.b"]\ndo = "make"\n', 3, "'a.b' is not a name"),
-        ('[[assets]]\ninputs.scan = "*.nothing"\n', MAKE, 2, "matches no file"),
-        ('[[assets]]\ninputs.high = "p*"\n', MAKE, 2, "a step has the same name"),
-        (ASSET + ASSET, MAKE, 4, "two assets are called 'a'"),
-        (
-            ASSET + '[[assets]]\nname = "b"\n',
-            MAKE + 'output = "x.{ext}"\n',
-            8,
-            "a high and b high both write 'x.ply'",
-        ),
-        (
-            ASSET,
-            MAKE + LEVELS + 'output = "x.obj"\n',
-            10,
-            "several outputs are called 'x.obj'; put {output}",
-        ),
-        (
-            ASSET,
-            MAKE + 'output = "x.ply"\n' + REPAIR + 'output = "x.ply/y.ply"\n',
-            10,
-            "x.ply/y.ply would lie in x.ply, which a high",
-        ),
-        ('[[assets]]\nname = "../a"\n', MAKE, 2, "'../a' is not a name for files"),
-        ('[[assets]]\nname = "{stm}"\n', MAKE, 2, "{stm}, which is not known"),
-    ],
-)
+@pytest.mark.parametrize(("assets", "steps", "line", "message"), [
+    ("", MAKE, None, "assets: it is missing"),
+    (ASSET, "", None, "steps: it is missing"),
+    ("assets = []\n", MAKE, 1, "assets: it is empty"),
+    ('[check]\nallow = ["no-normal"]\n' + ASSET, MAKE + '[steps.x]\ndo = "check"\nmesh = "high"\n',
+     2, "check.allow: 'no-normal' is not a kind of finding; did you mean 'no-normals'?"),
+    ("[[assets]]\n", MAKE, 1, "assets[0]: it has neither inputs nor a name"),
+    (ASSET + "nmae = 3\n", MAKE, 3, "assets[0].nmae: unknown key; did you mean 'name'?"),
+    ("[[assets]]\nname = 3\n", MAKE, 2, "assets[0].name: 3 is not text"),
+    (ASSET + 'steps = ["hihg"]\n', MAKE, 3, "no step 'hihg'; did you mean 'high'?"),
+    (ASSET + "options.hihg = {}\n", MAKE, 3, "no such step; did you mean 'high'?"),
+    (ASSET + "options.high.size = 3\n", MAKE, 3, "assets[0].options.high.size: unknown key"),
+    (ASSET, '[steps.x]\nshape = "plane"\n', 3, "steps.x.do: it is missing; it is one of make"),
+    (ASSET, '[steps.x]\ndo = "bke"\n', 4,
+     "steps.x.do: 'bke' is not a kind of step; did you mean 'bake'?"),
+    (ASSET, '[steps.x]\ndo = "export"\nmesh = "high"\ntarget = "unity"\n', 6,
+     "steps.x.target: unknown key"),
+    (ASSET, '[steps.x]\ndo = "make"\n', 3, "steps.x.shape: it is missing"),
+    (ASSET, MAKE + "radius = 2\n", 6, "steps.high.radius: the shape plane does not use it"),
+    (ASSET, MAKE + 'width = "wide"\n', 6, "steps.high.width: 'wide' is not a number"),
+    (ASSET, MAKE + "resolution = 0\n", 6, "steps.high.resolution: 0 is out of range"),
+    (ASSET, MAKE + 'after = "x"\n', 6, "steps.high.after: no step 'x'"),
+    (ASSET, MAKE + 'output = "{aset}.{ext}"\n', 6, "{aset}, which is not known; did you mean"),
+    (ASSET, MAKE + 'output = "../x.{ext}"\n', 6, "does not lie below the folder of outputs"),
+    (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "hihg"\n', 8, "did you mean 'high'?"),
+    (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "high.uv"\n', 8, "makes no 'uv'"),
+    (ASSET, MAKE + '[steps.a]\ndo = "repair"\nmesh = "z.ply"\n', 8, "nor a file there is"),
+    (ASSET, '[steps."a.b"]\ndo = "make"\n', 3, "'a.b' is not a name"),
+    ('[[assets]]\ninputs.scan = "*.nothing"\n', MAKE, 2, "matches no file"),
+    ('[[assets]]\ninputs.high = "p*"\n', MAKE, 2, "a step has the same name"),
+    (ASSET + ASSET, MAKE, 4, "two assets are called 'a'"),
+    (ASSET + '[[assets]]\nname = "b"\n', MAKE + 'output = "x.{ext}"\n', 8,
+     "a high and b high both write 'x.ply'"),
+    (ASSET, MAKE + LEVELS + 'output = "x.obj"\n', 10,
+     "several outputs are called 'x.obj'; put {output}"),
+    (ASSET, MAKE + 'output = "x.ply"\n' + REPAIR + 'output = "x.ply/y.ply"\n', 10,
+     "x.ply/y.ply would lie in x.ply, which a high"),
+    ('[[assets]]\nname = "../a"\n', MAKE, 2, "'../a' is not a name for files"),
+    ('[[assets]]\nname = "{stm}"\n', MAKE, 2, "{stm}, which is not known"),
+])  # fmt: skip
 def test_bad_files(assets, steps, line, message, write):
     path = write(assets, steps)
     with pytest.raises(FileFormatError) as caught:
@@ -125,19 +98,16 @@ def test_an_output_over_an_input(write, tmp_path):
         plan_build(write('[[assets]]\ninputs.high = "out/*.ply"\n', steps, 'folder = "out"\n'))
 
 
-@pytest.mark.parametrize(
-    ("output", "message"),
-    [
-        ("p.toml", r"p\.toml is this file itself"),
-        ("raw.ply", r"raw\.ply is also an input"),
-        ("build.json", r"'build.json' is reserved for the build's own files"),
-        (".texbake/x.ply", r"'.texbake/x.ply' is reserved for the build's own files"),
-        ("{asset}.obj", r"'a.obj' has the wrong suffix for a .ply file; end it with .{ext}"),
-        ("{asset.{ext}", r"has {asset.{ext}, which is not known|has an unmatched brace"),
-        ("{asset", "has an unmatched brace"),
-        ("a\\u0000.ply", "has a character that file names cannot have"),
-    ],
-)
+@pytest.mark.parametrize(("output", "message"), [
+    ("p.toml", r"p\.toml is this file itself"),
+    ("raw.ply", r"raw\.ply is also an input"),
+    ("build.json", r"'build.json' is reserved for the build's own files"),
+    (".texbake/x.ply", r"'.texbake/x.ply' is reserved for the build's own files"),
+    ("{asset}.obj", r"'a.obj' has the wrong suffix for a .ply file; end it with .{ext}"),
+    ("{asset.{ext}", r"has {asset.{ext}, which is not known|has an unmatched brace"),
+    ("{asset", "has an unmatched brace"),
+    ("a\\u0000.ply", "has a character that file names cannot have"),
+])  # fmt: skip
 def test_harmful_outputs(output, message, write, tmp_path):
     (tmp_path / "raw.ply").write_text("x")
     steps = f'[steps.r]\ndo = "repair"\nmesh = "./raw.ply"\noutput = "{output}"\n'

@@ -40,34 +40,28 @@ def test_the_sample_pipeline_is_valid(pipeline):
     assert [error.message for error in pipeline.iter_errors(tomllib.loads(text))] == []
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {},
-        {**SCENE, "camra": {}},
-        {"objects": [{"shape": "kube"}]},
-        {**SCENE, "render": {"width": 0}},
-        {**SCENE, "render": {"up": "x"}},
-        {**SCENE, "lights": [{"kind": "spot", "color": "red"}]},
-        {**SCENE, "materials": {"a": {"roughness": 2}}},
-        {"objects": [{"shape": "cube", "material": {"base_color": {"procedure": "fog"}}}]},
-    ],
-)
+@pytest.mark.parametrize("wrong", [
+    {},
+    {**SCENE, "camra": {}},
+    {"objects": [{"shape": "kube"}]},
+    {**SCENE, "render": {"width": 0}},
+    {**SCENE, "render": {"up": "x"}},
+    {**SCENE, "lights": [{"kind": "spot", "color": "red"}]},
+    {**SCENE, "materials": {"a": {"roughness": 2}}},
+    {"objects": [{"shape": "cube", "material": {"base_color": {"procedure": "fog"}}}]},
+])  # fmt: skip
 def test_a_wrong_scene_is_not_valid(scene, wrong):
     assert not scene.is_valid(wrong)
 
 
-@pytest.mark.parametrize(
-    "step",
-    [
-        {"do": "fry"},
-        {"do": "bake", "high": "a", "low": "b", "size": 0},
-        {"do": "bake", "high": "a", "low": "b", "padding": "wide"},
-        {"do": "bake", "low": "b"},
-        {"do": "simplify", "mesh": "a", "faces": 500, "quality": "good"},
-        {"do": "simplify", "mesh": "a", "faces": 500, "threads": 2},
-    ],
-)
+@pytest.mark.parametrize("step", [
+    {"do": "fry"},
+    {"do": "bake", "high": "a", "low": "b", "size": 0},
+    {"do": "bake", "high": "a", "low": "b", "padding": "wide"},
+    {"do": "bake", "low": "b"},
+    {"do": "simplify", "mesh": "a", "faces": 500, "quality": "good"},
+    {"do": "simplify", "mesh": "a", "faces": 500, "threads": 2},
+])  # fmt: skip
 def test_a_wrong_step_is_not_valid(pipeline, step):
     assert pipeline.is_valid({**ASSETS, "steps": {"low": {"do": "make", "shape": "plane"}}})
     assert not pipeline.is_valid({**ASSETS, "steps": {"low": step}})

@@ -196,11 +196,9 @@ def test_textures(do, ball, tmp_path):
     assert figures["levels"] == len(list(levels["levels"].iterdir())) == 6
     write_image(np.zeros((16, 16, 3)), tmp_path / "black.png", color=True)
     packed, figures = do(
-        "pack-textures",
-        {"meshes": 2, "padding": 0},
-        images=(made["texture"], tmp_path / "black.png"),
-        mesh=(ball, ball),
-    )
+        "pack-textures", {"meshes": 2, "padding": 0},
+        images=(made["texture"], tmp_path / "black.png"), mesh=(ball, ball),
+    )  # fmt: skip
     assert list(packed) == ["texture", "mesh0", "mesh1"]
     places = [read_mesh(packed[f"mesh{i}"]).corner_uvs() for i in range(2)]
     assert not np.array_equal(*places)

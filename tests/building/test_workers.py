@@ -37,17 +37,11 @@ def orange_task(tmp_path, number, triangles):
     kind = STEP_KINDS["make"]
     ingredients = {"number": number}
     return Task(
-        asset="a",
-        step="make",
-        kind="make",
-        settings=kind.settings({"shape": "orange", "triangles": triangles}),
-        inputs={},
-        outputs={"mesh": "mesh.ply"},
-        key=checksum(ingredients),
-        ingredients=ingredients,
-        store=str(tmp_path / "store"),
-        threads=1,
-    )
+        asset="a", step="make", kind="make",
+        settings=kind.settings({"shape": "orange", "triangles": triangles}), inputs={},
+        outputs={"mesh": "mesh.ply"}, key=checksum(ingredients), ingredients=ingredients,
+        store=str(tmp_path / "store"), threads=1,
+    )  # fmt: skip
 
 
 def wait_for(condition):
@@ -216,16 +210,13 @@ def limited(n_bytes, kind=resource.RLIMIT_AS):
     return lambda: resource.setrlimit(kind, (n_bytes, n_bytes))
 
 
-@pytest.mark.parametrize(
-    ("line", "files", "limits"),
-    [
-        ("0::/a/b", {"a/b/memory.max": "max\n", "a/memory.max": f"{3 * GB}\n"}, [3 * GB]),
-        ("0::/", {"memory.max": f"{2 * GB}\n"}, [2 * GB]),  # a container sees its own as the root
-        ("4:memory:/a", {"memory/a/memory.limit_in_bytes": f"{4 * GB}"}, [4 * GB]),
-        ("4:cpu,memory:/gone", {"memory/memory.limit_in_bytes": f"{GB}"}, [GB]),
-        ("1:cpu:/a", {"a/memory.max": f"{GB}", "memory.max": f"{GB}"}, []),
-    ],
-)
+@pytest.mark.parametrize(("line", "files", "limits"), [
+    ("0::/a/b", {"a/b/memory.max": "max\n", "a/memory.max": f"{3 * GB}\n"}, [3 * GB]),
+    ("0::/", {"memory.max": f"{2 * GB}\n"}, [2 * GB]),  # a container sees its own as the root
+    ("4:memory:/a", {"memory/a/memory.limit_in_bytes": f"{4 * GB}"}, [4 * GB]),
+    ("4:cpu,memory:/gone", {"memory/memory.limit_in_bytes": f"{GB}"}, [GB]),
+    ("1:cpu:/a", {"a/memory.max": f"{GB}", "memory.max": f"{GB}"}, []),
+])  # fmt: skip
 def test_limits_of_control_groups(tmp_path, line, files, limits):
     groups = tmp_path / "cgroup"
     groups.write_text(f"12:pids:/x\n{line}\n")
@@ -253,12 +244,9 @@ def test_a_step_that_does_not_fit_fails_with_one_line(write, tmp_path):
     steps = '[steps.ball]\ndo = "make"\nshape = "orange"\noutput = "{asset}.ply"\n'
     done = subprocess.run(
         [*COMMAND, "build", os.fspath(write(assets, steps)), "--jobs", "1", "--quiet"],
-        preexec_fn=limited(600 << 20),
-        capture_output=True,
-        text=True,
-        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
-        check=False,
-    )
+        preexec_fn=limited(600 << 20), capture_output=True, text=True,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"}, check=False,
+    )  # fmt: skip
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("texbake: large: ball: out of memory; it is estimated to take up to ")

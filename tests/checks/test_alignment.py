@@ -33,15 +33,12 @@ def low(scale=1.0, move=(0.0, 0.0, 0.0), axes=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 UPRIGHT = ((1, 0, 0), (0, 0, -1), (0, 1, 0))
 
 
-@pytest.mark.parametrize(
-    ("changes", "finding"),
-    [
-        ({"scale": 0.1}, "differing-scale"),
-        ({"scale": 1000.0, "axes": UPRIGHT}, "differing-scale"),
-        ({"move": (3.0, 0.0, 0.0)}, "differing-place"),
-        ({"axes": UPRIGHT}, "differing-axes"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "finding"), [
+    ({"scale": 0.1}, "differing-scale"),
+    ({"scale": 1000.0, "axes": UPRIGHT}, "differing-scale"),
+    ({"move": (3.0, 0.0, 0.0)}, "differing-place"),
+    ({"axes": UPRIGHT}, "differing-axes"),
+])  # fmt: skip
 def test_a_misfit_stops_with_the_words_of_check(changes, finding):
     found = {one.name: one for one in check(high(), low(**changes)).findings}
     with pytest.raises(MeshError) as stop:
@@ -49,22 +46,19 @@ def test_a_misfit_stops_with_the_words_of_check(changes, finding):
     assert f"{found[finding].problem} {found[finding].remedy}" in str(stop.value)
 
 
-@pytest.mark.parametrize(
-    "pair",
-    [
-        (high(), low()),
-        (high(), low(1.3)),
-        (high(), low(0.0)),  # a point, which fits at no scale
-        (high(), plane().replace(positions=3.0 * plane().positions - np.array([0.0, 0.0, 1.0]))),
-        (
-            join_meshes(
-                [high(), high().replace(positions=high().positions + np.array([5.0, 0, 0]))]
-            ),
-            low(),
+@pytest.mark.parametrize("pair", [
+    (high(), low()),
+    (high(), low(1.3)),
+    (high(), low(0.0)),  # a point, which fits at no scale
+    (high(), plane().replace(positions=3.0 * plane().positions - np.array([0.0, 0.0, 1.0]))),
+    (
+        join_meshes(
+            [high(), high().replace(positions=high().positions + np.array([5.0, 0, 0]))]
         ),
-        (plane(), plane().replace(positions=plane().positions + np.array([0.0, 0.0, 0.1]))),
-    ],
-)
+        low(),
+    ),
+    (plane(), plane().replace(positions=plane().positions + np.array([0.0, 0.0, 0.1]))),
+])  # fmt: skip
 def test_pairs_that_may_be_meant_so(pair):
     assert require_alignment(*pair) is None  # it raises otherwise
 

@@ -31,8 +31,7 @@ WEB = CheckOptions(profile="gltf-web")
 TEXT = {"type": "object", "required": ["text"], "properties": {"text": {"type": "string"}}}
 LEVEL = {"enum": ["none", "note", "warning", "error"]}
 SARIF = {
-    "type": "object",
-    "required": ["version", "runs"],
+    "type": "object", "required": ["version", "runs"],
     "properties": {
         "version": {"const": "2.1.0"},
         "runs": {
@@ -53,40 +52,37 @@ SARIF = {
                                             "properties": {
                                                 "shortDescription": TEXT,
                                                 "defaultConfiguration": {
-                                                    "properties": {"level": LEVEL}
+                                                    "properties": {"level": LEVEL},
                                                 },
                                             },
                                         },
-                                    }
+                                    },
                                 },
-                            }
+                            },
                         },
                     },
                     "results": {
                         "items": {
-                            "required": ["message"],
-                            "additionalProperties": False,
+                            "required": ["message"], "additionalProperties": False,
                             "properties": {
                                 "ruleId": {"type": "string"},
-                                "ruleIndex": {"type": "integer", "minimum": -1},
-                                "level": LEVEL,
-                                "message": TEXT,
-                                "locations": {"type": "array"},
+                                "ruleIndex": {"type": "integer", "minimum": -1}, "level": LEVEL,
+                                "message": TEXT, "locations": {"type": "array"},
                                 "properties": {"type": "object"},
                                 "suppressions": {
                                     "items": {
                                         "required": ["kind"],
                                         "properties": {"kind": {"enum": ["inSource", "external"]}},
-                                    }
+                                    },
                                 },
                             },
-                        }
+                        },
                     },
                 },
             },
         },
     },
-}
+}  # fmt: skip
 
 
 def names(report):

@@ -191,13 +191,10 @@ def test_a_texel_density_asked_for():
     assert "low-texel-density" not in counts(enough)
 
 
-@pytest.mark.parametrize(
-    ("turn", "words"),
-    [
-        ([[1, 0, 0], [0, 0, -1], [0, 1, 0]], "y becomes z and z becomes -y"),
-        ([[-1, 0, 0], [0, 1, 0], [0, 0, -1]], "x becomes -x and z becomes -z"),
-    ],
-)
+@pytest.mark.parametrize(("turn", "words"), [
+    ([[1, 0, 0], [0, 0, -1], [0, 1, 0]], "y becomes z and z becomes -y"),
+    ([[-1, 0, 0], [0, 1, 0], [0, 0, -1]], "x becomes -x and z becomes -z"),
+])  # fmt: skip
 @pytest.mark.parametrize("moved", [0.0, 0.3])
 def test_turned_axes_are_named_where_the_boxes_do_not_tell(turn, words, moved):
     """A cube that narrows to a ridge beside its middle keeps its box, however it is turned."""

@@ -11,13 +11,10 @@ from texbake.jobs.light_maps import file_names
 from texbake.metadata import DISPLACEMENT_MID, DISPLACEMENT_SCALE
 
 
-@pytest.mark.parametrize(
-    ("line", "name"),
-    [
-        ("bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --threads 1", "n.png"),
-        ("bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --size 32", "t.exr"),
-    ],
-)
+@pytest.mark.parametrize(("line", "name"), [
+    ("bake-normals high.ply low.obj -o n.png --size 64 --padding 1 --threads 1", "n.png"),
+    ("bake-texture low.obj -o t.exr --procedure noise --scale 3,1,1 --size 32", "t.exr"),
+])  # fmt: skip
 def test_command_as_a_process(line, name, workplace, run, only_known_lines):
     done = run(line)
     assert done.returncode == 0, done.stderr
@@ -68,11 +65,9 @@ def test_report_has_settings_figures_and_the_coding_of_heights(workplace, invoke
     assert report["inputs"] == {"high": ["high.ply"], "low": ["low.obj"]}
     assert report["texels_covered"] > 0
     assert report["files"]["displacement"] == {
-        "path": "d.png",
-        "bits": 16,
-        "metadata": {DISPLACEMENT_MID: 0.25, DISPLACEMENT_SCALE: 0.5},
+        "path": "d.png", "bits": 16, "metadata": {DISPLACEMENT_MID: 0.25, DISPLACEMENT_SCALE: 0.5},
         "n_clipped": 0,
-    }
+    }  # fmt: skip
     stages = [stage["name"] for stage in report["stages"]]
     assert (stages[0], stages[-1]) == ("read meshes", "write maps")
     assert report["seconds"] == pytest.approx(sum(stage["seconds"] for stage in report["stages"]))

@@ -25,14 +25,11 @@ def meshes(tmp_path, monkeypatch):
     write_mesh(cube(), "cube.obj")
 
 
-@pytest.mark.parametrize(
-    ("line", "error", "words"),
-    [
-        (f"{NORMALS} -o n.png", "0.5deg", "error of normal"),
-        ("bake-displacement high.obj low.obj --size 64 -o h.exr", "0.1%", "model units"),
-        (f"{PICTURE} -o cube.png", "2/255", "error of color"),
-    ],
-)
+@pytest.mark.parametrize(("line", "error", "words"), [
+    (f"{NORMALS} -o n.png", "0.5deg", "error of normal"),
+    ("bake-displacement high.obj low.obj --size 64 -o h.exr", "0.1%", "model units"),
+    (f"{PICTURE} -o cube.png", "2/255", "error of color"),
+])  # fmt: skip
 def test_a_maximum_error_is_met_and_reported(invoke, line, error, words):
     assert words in invoke(f"{line} --max-error {error} --report r.json").output
     report = json.loads(Path("r.json").read_text())

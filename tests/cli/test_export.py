@@ -32,14 +32,11 @@ def test_a_folder_of_maps_and_single_ones(invoke, asset):
     assert "no metalness was given" in result.stderr
 
 
-@pytest.mark.parametrize(
-    ("words", "file"),
-    [
-        ("export rock.obj --to unity -o .", "rock.obj"),
-        ("export maps/stone.obj --to unity -o maps", "maps/stone.obj"),
-        ("export rock.obj --to blender --map normal=stone_normal.png --name stone -o .", "stone_n"),
-    ],
-)
+@pytest.mark.parametrize(("words", "file"), [
+    ("export rock.obj --to unity -o .", "rock.obj"),
+    ("export maps/stone.obj --to unity -o maps", "maps/stone.obj"),
+    ("export rock.obj --to blender --map normal=stone_normal.png --name stone -o .", "stone_n"),
+])  # fmt: skip
 def test_inputs_are_not_overwritten(invoke, asset, words, file):
     write_mesh(uv_sphere(8, 12), asset / "maps" / "stone.obj")
     (asset / "stone_normal.png").write_bytes((asset / "maps" / "normal.png").read_bytes())

@@ -57,27 +57,24 @@ def test_the_help_of_all_commands_loads_none_of_them(tmp_path):
     assert not names & {"numpy", "texbake.core", "texbake.schema", "texbake_cli.pipelines"}
 
 
-@pytest.mark.parametrize(
-    ("line", "needed"),
-    [
-        ("info low.obj", ""),
-        ("make torus -o torus.ply --resolution 12x8", ""),
-        ("convert low.obj converted.ply", ""),
-        ("repair low.obj -o repaired.ply", ""),
-        ("transform low.obj -o moved.ply --scale 2", ""),
-        ("remesh high.ply -o closed.ply --resolution 32", ""),
-        ("simplify high.ply -o less.ply --faces 100", "meshoptimizer"),
-        ("unwrap low.obj -o fast.obj --size 64 --quality fast", ""),
-        ("unwrap low.obj -o good.obj --size 64", ""),
-        ("unwrap low.obj -o layout.obj --size 64 --quality fast --layout layout.svg", ""),
-        ("preview low.obj -o picture.png --size 32x32", ""),
-        ("bake-texture low.obj -o marble.png --procedure marble --size 32", ""),
-        ("compare high.ply low.obj -o compared.png --size 32x32", "PIL"),
-        ("bake high.ply low.obj -o maps --size 32", ""),
-        ("bake-normals high.ply low.obj -o normal.png --size 32", ""),
-        ("check high.ply low.obj --fail-on never", ""),
-        ("cage high.ply low.obj -o cage.obj", ""),
-    ],
-)
+@pytest.mark.parametrize(("line", "needed"), [
+    ("info low.obj", ""),
+    ("make torus -o torus.ply --resolution 12x8", ""),
+    ("convert low.obj converted.ply", ""),
+    ("repair low.obj -o repaired.ply", ""),
+    ("transform low.obj -o moved.ply --scale 2", ""),
+    ("remesh high.ply -o closed.ply --resolution 32", ""),
+    ("simplify high.ply -o less.ply --faces 100", "meshoptimizer"),
+    ("unwrap low.obj -o fast.obj --size 64 --quality fast", ""),
+    ("unwrap low.obj -o good.obj --size 64", ""),
+    ("unwrap low.obj -o layout.obj --size 64 --quality fast --layout layout.svg", ""),
+    ("preview low.obj -o picture.png --size 32x32", ""),
+    ("bake-texture low.obj -o marble.png --procedure marble --size 32", ""),
+    ("compare high.ply low.obj -o compared.png --size 32x32", "PIL"),
+    ("bake high.ply low.obj -o maps --size 32", ""),
+    ("bake-normals high.ply low.obj -o normal.png --size 32", ""),
+    ("check high.ply low.obj --fail-on never", ""),
+    ("cage high.ply low.obj -o cage.obj", ""),
+])  # fmt: skip
 def test_a_command_loads_what_it_needs(line, needed, folder):
     assert loaded_by(line, folder) & HEAVY <= set(needed.split())

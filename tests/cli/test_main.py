@@ -66,19 +66,16 @@ def test_a_missing_command_is_wrong_usage_and_shows_the_help(words):
     assert "Meshes:" in result.output
 
 
-@pytest.mark.parametrize(
-    ("error", "exit_code", "line"),
-    [
-        (FileError("a.ply: there is no such file"), 1, "texbake: a.ply: there is no such file"),
-        (FileError("two\n  lines"), 1, "texbake: two lines"),
-        (OptionError("size: 0"), 2, "texbake: size: 0 (see: texbake --help)"),
-        (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
-        (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
-        (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "texbake: out of memory; try"),
-        (KeyboardInterrupt(), 130, "texbake: interrupted"),
-        (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
-    ],
-)
+@pytest.mark.parametrize(("error", "exit_code", "line"), [
+    (FileError("a.ply: there is no such file"), 1, "texbake: a.ply: there is no such file"),
+    (FileError("two\n  lines"), 1, "texbake: two lines"),
+    (OptionError("size: 0"), 2, "texbake: size: 0 (see: texbake --help)"),
+    (click.UsageError("Choose from:\n\ta,\n\tb"), 2, "choose from: a, b (see: texbake"),
+    (MemoryError(), 1, "texbake: out of memory; try a smaller mesh or image"),
+    (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "texbake: out of memory; try"),
+    (KeyboardInterrupt(), 130, "texbake: interrupted"),
+    (Terminated(signal.SIGTERM), 143, "texbake: terminated"),
+])  # fmt: skip
 def test_failures_are_one_line(error, exit_code, line):
     with pytest.raises(click.ClickException) as caught, failures_as_one_line(CONTEXT):
         raise error
@@ -131,29 +128,22 @@ def test_the_reader_of_a_pipe_may_leave(script):
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (
-            "texbake bake",
-            {"bake", "bake-normals", "bake-displacement", "bake-lightmap", "bake-texture"},
-        ),
-        ("texbake info sc", {"scan.ply", "scans/"}),
-        ("texbake bake a b --maps normal,dis", {"normal,displacement"}),
-        ("texbake bake-texture a --camera sc", {"scan.ply", "scan.txt", "scans/"}),
-        ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),
-    ],
-)
+@pytest.mark.parametrize(("words", "expected"), [
+    ("texbake bake",
+     {"bake", "bake-normals", "bake-displacement", "bake-lightmap", "bake-texture"}),
+    ("texbake info sc", {"scan.ply", "scans/"}),
+    ("texbake bake a b --maps normal,dis", {"normal,displacement"}),
+    ("texbake bake-texture a --camera sc", {"scan.ply", "scan.txt", "scans/"}),
+    ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),
+])  # fmt: skip
 def test_the_shell_completes(script, tmp_path, words, expected):
     (tmp_path / "scan.ply").touch()
     (tmp_path / "scan.txt").touch()
     (tmp_path / "scans").mkdir()
     environment = {
-        **os.environ,
-        "_TEXBAKE_COMPLETE": "bash_complete",
-        "COMP_WORDS": words,
+        **os.environ, "_TEXBAKE_COMPLETE": "bash_complete", "COMP_WORDS": words,
         "COMP_CWORD": str(len(words.split(" ")) - 1),
-    }
+    }  # fmt: skip
     done = subprocess.run(
         [script], capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=60
     )

@@ -29,22 +29,15 @@ def model(folder, uri="gone.png", extensions=None, **fields):
     material = {
         "name": "skin",
         "pbrMetallicRoughness": {
-            "baseColorFactor": RED,
-            "baseColorTexture": texture,
+            "baseColorFactor": RED, "baseColorTexture": texture,
             "metallicRoughnessTexture": texture,
         },
-        "normalTexture": texture,
-        "occlusionTexture": texture,
-        "extensions": extensions or {},
-    }
+        "normalTexture": texture, "occlusionTexture": texture, "extensions": extensions or {},
+    }  # fmt: skip
     content = {
-        **document.content,
-        "buffers": [{"byteLength": len(document.binary), "uri": "plane.bin"}],
-        "materials": [material],
-        "textures": [{"source": 0}],
-        "images": [{"uri": uri}],
-        **fields,
-    }
+        **document.content, "buffers": [{"byteLength": len(document.binary), "uri": "plane.bin"}],
+        "materials": [material], "textures": [{"source": 0}], "images": [{"uri": uri}], **fields,
+    }  # fmt: skip
     content["meshes"][0]["primitives"][0]["material"] = 0
     (folder / "a.gltf").write_text(json.dumps(content))
     return folder / "a.gltf"
@@ -56,20 +49,11 @@ COMMANDS = {
     "preview": ["preview", "a.gltf", "-o", "out.png", "--size", "16x16"],
     "scene": ["preview", "scene.toml", "-o", "out.png", "--size", "16x16"],
     "lighten": [
-        "lighten",
-        "a.gltf",
-        "-o",
-        "out.glb",
-        "--size",
-        "16",
-        "--views",
-        "1",
-        "--report",
-        "r.json",
+        "lighten", "a.gltf", "-o", "out.glb", "--size", "16", "--views", "1", "--report", "r.json",
     ],
     "run": ["run", "a.gltf", "-o", "out", "--faces", "4", "--size", "64"],
     "bake": ["bake", "a.gltf", "a.gltf", "-o", "out", "--maps", "base-color", "--size", "16"],
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -170,11 +154,9 @@ def test_unread_parts_of_materials_are_named(tmp_path, monkeypatch, command):
         },
     }  # fmt: skip
     path = model(
-        tmp_path,
-        extensions=extensions,
-        extensionsUsed=["KHR_materials_iridescence"],
+        tmp_path, extensions=extensions, extensionsUsed=["KHR_materials_iridescence"],
         extensionsRequired=["KHR_materials_iridescence"],
-    )
+    )  # fmt: skip
     result = CliRunner().invoke(texbake, COMMANDS[command])
     assert result.exit_code == 0, result.stderr
     # Only convert keeps it without a word.

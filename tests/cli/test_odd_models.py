@@ -79,8 +79,7 @@ REFUSED = {
         "stands twice in the scene",
     ),
     "a node below itself.gltf": (
-        lambda path: gltf(path, [{"mesh": 0, "children": [0]}]),
-        "stands twice in the scene",
+        lambda path: gltf(path, [{"mesh": 0, "children": [0]}]), "stands twice in the scene",
     ),
     "nan.gltf": (moved(translation=[float("nan"), 0, 0]), "'translation' is not 3 numbers"),
     "models in a cycle.fbx": (
@@ -92,11 +91,10 @@ REFUSED = {
         "its transform is not finite",
     ),
     "points alone.obj": (
-        lambda path: path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
-        "it has no faces",
+        lambda path: path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n"), "it has no faces",
     ),
     "empty.gltf": (lambda path: gltf(path, [{}]), "it has no faces"),
-}
+}  # fmt: skip
 
 
 # Every model with one command, and every command with all kinds of files.

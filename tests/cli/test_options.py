@@ -24,18 +24,15 @@ def parsed(line):
     return command.make_context(name, words).params
 
 
-@pytest.mark.parametrize(
-    ("line", "options"),
-    [
-        ("bake-normals a b -o c.png", BakeOptions()),
-        ("bake-displacement a b -o c.png", BakeOptions()),
-        ("bake a b -o c", BakeOptions()),
-        ("unwrap a -o b.obj", UnwrapOptions()),
-        ("compare a b", RenderOptions()),
-        ("run a -o b --faces 500", RunOptions()),
-        ("demo", DemoOptions()),
-    ],
-)
+@pytest.mark.parametrize(("line", "options"), [
+    ("bake-normals a b -o c.png", BakeOptions()),
+    ("bake-displacement a b -o c.png", BakeOptions()),
+    ("bake a b -o c", BakeOptions()),
+    ("unwrap a -o b.obj", UnwrapOptions()),
+    ("compare a b", RenderOptions()),
+    ("run a -o b --faces 500", RunOptions()),
+    ("demo", DemoOptions()),
+])  # fmt: skip
 def test_defaults_are_those_of_the_api(line, options):
     values = parsed(line)
     shared = [field.name for field in dataclasses.fields(options) if field.name in values]

@@ -128,17 +128,14 @@ def test_images_skew_and_offset_rays(run, tmp_path):
     assert not list((tmp_path / "maps").glob("*100*"))
 
 
-@pytest.mark.parametrize(
-    ("line", "code", "message"),
-    [
-        ("high.obj low.obj --match-by-name --low-suffix _lp", 1, "no low-poly part"),
-        ("high.obj low.obj --match-by-name --hits h.npz", 2, "hits: is for the bake"),
-        ("high.obj low.obj --match-by-name --html h.html", 2, "html: is for the"),
-        ("high.obj low.obj --texture-sets materials", 1, "no materials"),
-        ("high.obj low.obj --texture-sets groups --name-pattern {map}.x.{ext}", 2, "put {set} in"),
-        ("low.obj --high empty", 1, "no mesh in it"),
-    ],
-)
+@pytest.mark.parametrize(("line", "code", "message"), [
+    ("high.obj low.obj --match-by-name --low-suffix _lp", 1, "no low-poly part"),
+    ("high.obj low.obj --match-by-name --hits h.npz", 2, "hits: is for the bake"),
+    ("high.obj low.obj --match-by-name --html h.html", 2, "html: is for the"),
+    ("high.obj low.obj --texture-sets materials", 1, "no materials"),
+    ("high.obj low.obj --texture-sets groups --name-pattern {map}.x.{ext}", 2, "put {set} in"),
+    ("low.obj --high empty", 1, "no mesh in it"),
+])  # fmt: skip
 def test_impossible_options_are_one_line(run, folder, line, code, message):
     (folder / "empty").mkdir(exist_ok=True)
     assert message in run(line, code).output

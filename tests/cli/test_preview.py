@@ -136,16 +136,13 @@ def test_json_has_the_times_of_the_passes(invoke, scene):
     assert {item["name"] for item in plan["left_out"]}.isdisjoint(by_name)
 
 
-@pytest.mark.parametrize(
-    ("options", "n_panels"),
-    [
-        ("--affine-vs-perspective", 2),
-        ("--interpolation affine,scanline,perspective", 3),
-        ("--filter nearest,trilinear", 2),
-        ("--buffer depth,normals,uv,mip-level,overdraw,object-id,texel-grid", 7),
-        ("--buffer uv --interpolation affine,perspective", 2),
-    ],
-)
+@pytest.mark.parametrize(("options", "n_panels"), [
+    ("--affine-vs-perspective", 2),
+    ("--interpolation affine,scanline,perspective", 3),
+    ("--filter nearest,trilinear", 2),
+    ("--buffer depth,normals,uv,mip-level,overdraw,object-id,texel-grid", 7),
+    ("--buffer uv --interpolation affine,perspective", 2),
+])  # fmt: skip
 def test_variants_are_laid_side_by_side(invoke, scene, options, n_panels):
     invoke(f"preview ball.toml -o ways.png {options}")
     height, width, _ = pixels("ways.png").shape
@@ -178,15 +175,12 @@ def test_a_gltf_file_is_drawn_with_its_own_materials(invoke, tmp_path, monkeypat
     assert pixels("black_sheet.png")[16, 16].max() < 0.1
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "preview s.toml -o frames/000.png",
-        "preview s.toml -o frames --view turntable:2",
-        "preview s.toml -o p.png --report frames/000.png",
-        "preview s.toml --plan-only --report frames/000.png",
-    ],
-)
+@pytest.mark.parametrize("line", [
+    "preview s.toml -o frames/000.png",
+    "preview s.toml -o frames --view turntable:2",
+    "preview s.toml -o p.png --report frames/000.png",
+    "preview s.toml --plan-only --report frames/000.png",
+])  # fmt: skip
 def test_files_of_a_scene_are_not_overwritten(invoke, scene, line):
     (scene / "frames").mkdir()
     image = scene / "frames" / "000.png"

@@ -85,10 +85,8 @@ def test_it_ends_and_leaves_only_the_older_files(name, hears, tmp_path):
     number = getattr(signal, name)
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM.replace("{work}", WORKS[hears]), str(outputs)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env={**os.environ, "TMPDIR": str(scratch)},
-    )
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "TMPDIR": str(scratch)},
+    )  # fmt: skip
     try:
         assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"

@@ -71,11 +71,9 @@ def test_an_interrupted_command_keeps_the_older_files(name, workplace, invoke, m
 
 def start(script, line, scratch):
     return subprocess.Popen(
-        [script, *line.split(), "--quiet"],
-        env={**os.environ, "TMPDIR": str(scratch)},
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
+        [script, *line.split(), "--quiet"], env={**os.environ, "TMPDIR": str(scratch)},
+        stderr=subprocess.DEVNULL, start_new_session=True,
+    )  # fmt: skip
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")

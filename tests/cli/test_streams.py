@@ -69,21 +69,18 @@ def test_no_message_shows_the_folder_behind_a_stream(pipe):
     assert pipe("info - --from obj", "ball.glb", 1).stderr.startswith("texbake: stdin.obj: ")
 
 
-@pytest.mark.parametrize(
-    ("words", "file", "exit_code", "message"),
-    [
-        ("info -", None, 1, "standard input: it is empty; pipe a mesh into it"),
-        ("info - ", "ball.usdz", 1, "standard input: the format is not clear; name it with --from"),
-        ("info ball.ply --from ply", None, 2, "--from: this is only for -; the suffix of a file"),
-        ("compare - -", "ball.ply", 2, "two meshes cannot both come from standard input"),
-        ("bake - ball.obj -o d", "ball.ply", 2, "HIGH: - is not possible here; name a file"),
-        ("make sphere -o -", None, 2, "--output: - is not possible here"),
-        ("bake ball.ply ball.obj -o -", None, 2, "--output: - is not possible here"),
-        ("unwrap ball.obj - -o d", "ball.obj", 2, "- is not possible together with other files"),
-        ("unwrap ball.obj -o u.obj --seams -", "ball.obj", 2, "--seams: - is not possible here"),
-        ("convert - -o - --to fbx", "ball.ply", 2, "'fbx' is not one of"),
-    ],
-)
+@pytest.mark.parametrize(("words", "file", "exit_code", "message"), [
+    ("info -", None, 1, "standard input: it is empty; pipe a mesh into it"),
+    ("info - ", "ball.usdz", 1, "standard input: the format is not clear; name it with --from"),
+    ("info ball.ply --from ply", None, 2, "--from: this is only for -; the suffix of a file"),
+    ("compare - -", "ball.ply", 2, "two meshes cannot both come from standard input"),
+    ("bake - ball.obj -o d", "ball.ply", 2, "HIGH: - is not possible here; name a file"),
+    ("make sphere -o -", None, 2, "--output: - is not possible here"),
+    ("bake ball.ply ball.obj -o -", None, 2, "--output: - is not possible here"),
+    ("unwrap ball.obj - -o d", "ball.obj", 2, "- is not possible together with other files"),
+    ("unwrap ball.obj -o u.obj --seams -", "ball.obj", 2, "--seams: - is not possible here"),
+    ("convert - -o - --to fbx", "ball.ply", 2, "'fbx' is not one of"),
+])  # fmt: skip
 def test_what_cannot_be(pipe, words, file, exit_code, message):
     done = pipe(words, file, exit_code)
     assert message in done.stderr and done.stdout == ""

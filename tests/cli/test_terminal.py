@@ -10,18 +10,15 @@ from texbake_cli.progress import JsonLines, Lines
 from texbake_cli.terminal import Terminal, columns, table
 
 
-@pytest.mark.parametrize(
-    ("rate", "text"),
-    [
-        (0.0, "0.0 rays/s"),
-        (7.04, "7.0 rays/s"),
-        (812.0, "812 rays/s"),
-        (999.6, "1.0 k rays/s"),
-        (4_130_000.0, "4.1 M rays/s"),
-        (56_000_000.0, "56 M rays/s"),
-        (9.9996e14, "999960 G rays/s"),
-    ],
-)
+@pytest.mark.parametrize(("rate", "text"), [
+    (0.0, "0.0 rays/s"),
+    (7.04, "7.0 rays/s"),
+    (812.0, "812 rays/s"),
+    (999.6, "1.0 k rays/s"),
+    (4_130_000.0, "4.1 M rays/s"),
+    (56_000_000.0, "56 M rays/s"),
+    (9.9996e14, "999960 G rays/s"),
+])  # fmt: skip
 def test_rates_have_three_digits_at_most(rate, text):
     assert rate_text(rate, "rays") == text
 
@@ -37,12 +34,8 @@ def test_json_lines_carry_every_field():
     sink.finished("build", 0.5)
     events = [json.loads(line) for line in stream.getvalue().splitlines()]
     assert [event["event"] for event in events] == [
-        "started",
-        "advanced",
-        "finished",
-        "started",
-        "finished",
-    ]
+        "started", "advanced", "finished", "started", "finished",
+    ]  # fmt: skip
     assert all(
         list(event) == ["event", "stage", "done", "total", "unit", "seconds"] for event in events
     )

@@ -41,26 +41,23 @@ def test_text_becomes_a_value(kind, text, value):
     assert kind.convert(text, PARAM, CONTEXT) == value
 
 
-@pytest.mark.parametrize(
-    ("kind", "text"),
-    [
-        (Numbers("X,Y,Z", ("x",)), "z"),
-        (Numbers("X,Y,Z"), "1,2"),
-        (Numbers("S[,T]"), "1,2,3"),
-        (Numbers("A,B"), ""),
-        (NameAndStrength(["twirl"]), "twirl:much"),
-        (Size(), "big"),
-        (Size(), ""),
-        (ViewParam(), "30"),
-        (ViewParam(), "1,2,3,4"),
-        (ViewParam(), "turntable:0"),
-        (ViewParam(), "turntable:²"),
-        (ViewParam(), "turntable:" + 5000 * "9"),
-        (ViewParam(), "carousel:4"),
-        (Names(["normal"]), "normal,heigth"),
-        (Names(["normal"]), ""),
-    ],
-)
+@pytest.mark.parametrize(("kind", "text"), [
+    (Numbers("X,Y,Z", ("x",)), "z"),
+    (Numbers("X,Y,Z"), "1,2"),
+    (Numbers("S[,T]"), "1,2,3"),
+    (Numbers("A,B"), ""),
+    (NameAndStrength(["twirl"]), "twirl:much"),
+    (Size(), "big"),
+    (Size(), ""),
+    (ViewParam(), "30"),
+    (ViewParam(), "1,2,3,4"),
+    (ViewParam(), "turntable:0"),
+    (ViewParam(), "turntable:²"),
+    (ViewParam(), "turntable:" + 5000 * "9"),
+    (ViewParam(), "carousel:4"),
+    (Names(["normal"]), "normal,heigth"),
+    (Names(["normal"]), ""),
+])  # fmt: skip
 def test_wrong_text_is_wrong_usage(kind, text):
     with pytest.raises(click.BadParameter):
         kind.convert(text, PARAM, CONTEXT)
@@ -84,16 +81,11 @@ def test_mesh_files_are_completed(tmp_path, monkeypatch):
     Path("scans/a.obj").touch()
     kind = FileOf((".obj", ".ply"))
     assert completions(kind, "scan") == [
-        ("scan.PLY", "plain"),
-        ("scan.ply", "plain"),
-        ("scans/", "plain"),
-    ]
+        ("scan.PLY", "plain"), ("scan.ply", "plain"), ("scans/", "plain"),
+    ]  # fmt: skip
     assert completions(kind, "") == [
-        ("other.ply", "plain"),
-        ("scan.PLY", "plain"),
-        ("scan.ply", "plain"),
-        ("scans/", "plain"),
-    ]
+        ("other.ply", "plain"), ("scan.PLY", "plain"), ("scan.ply", "plain"), ("scans/", "plain"),
+    ]  # fmt: skip
     assert completions(kind, "scans/") == [("scans/a.obj", "plain"), ("scans/deep/", "plain")]
     assert completions(kind, f"{tmp_path}/o") == [(f"{tmp_path}/other.ply", "plain")]
     assert completions(kind, ".h") == [(".hidden.ply", "plain")]

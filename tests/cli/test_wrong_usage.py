@@ -279,22 +279,19 @@ FILES = {
 LONG = 300 * "x"
 
 
-@pytest.mark.parametrize(
-    ("line", "exit_code", "message"),
-    [
-        *((line, WRONG_USAGE, message) for line, message in USAGE.items()),
-        *((line, FAILED, message) for line, message in FILES.items()),
-        *(
-            (line.replace("LONG", LONG), FAILED, "File name too long")
-            for line in (
-                "unwrap low.obj -o LONG.obj",
-                "run low.obj -o LONG --faces 20",
-                "bake LONG.obj low.obj -o maps",
-                "bake low.obj LONG.obj -o maps",
-            )
-        ),
-    ],
-)
+@pytest.mark.parametrize(("line", "exit_code", "message"), [
+    *((line, WRONG_USAGE, message) for line, message in USAGE.items()),
+    *((line, FAILED, message) for line, message in FILES.items()),
+    *(
+        (line.replace("LONG", LONG), FAILED, "File name too long")
+        for line in (
+            "unwrap low.obj -o LONG.obj",
+            "run low.obj -o LONG --faces 20",
+            "bake LONG.obj low.obj -o maps",
+            "bake low.obj LONG.obj -o maps",
+        )
+    ),
+])  # fmt: skip
 def test_one_line_the_exit_code_and_nothing_else(place, monkeypatch, line, exit_code, message):
     monkeypatch.chdir(place)
     before = contents(Path())

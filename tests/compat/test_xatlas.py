@@ -123,17 +123,14 @@ def test_an_empty_mesh_has_an_empty_result(xatlas):
     assert (mapping.shape, indices.shape, uvs.shape) == ((0,), (0, 3), (0, 2))
 
 
-@pytest.mark.parametrize(
-    "arguments, error",
-    [
-        ((SQUARE[:, :2], FACES), r"Position array expected to be Nx3\."),
-        ((SQUARE.ravel(), FACES), r"Position array expected to be Nx3\."),
-        ((SQUARE, FACES[:, :2]), r"Index array expected to be Nx3\."),
-        ((SQUARE, FACES, SQUARE[:2]), r"Normal array .* \(expected 4, got 2\)"),
-        ((SQUARE, FACES, None, SQUARE), r"Texture coordinate array expected to be Nx2\."),
-        ((SQUARE, FACES, None, SQUARE[:2, :2]), r"coordinate array .* \(expected 4, got 2\)"),
-    ],
-)
+@pytest.mark.parametrize("arguments, error", [
+    ((SQUARE[:, :2], FACES), r"Position array expected to be Nx3\."),
+    ((SQUARE.ravel(), FACES), r"Position array expected to be Nx3\."),
+    ((SQUARE, FACES[:, :2]), r"Index array expected to be Nx3\."),
+    ((SQUARE, FACES, SQUARE[:2]), r"Normal array .* \(expected 4, got 2\)"),
+    ((SQUARE, FACES, None, SQUARE), r"Texture coordinate array expected to be Nx2\."),
+    ((SQUARE, FACES, None, SQUARE[:2, :2]), r"coordinate array .* \(expected 4, got 2\)"),
+])  # fmt: skip
 def test_wrong_shapes_are_value_errors(xatlas, arguments, error):
     with pytest.raises(ValueError, match=error):
         xatlas.parametrize(*arguments)
@@ -166,17 +163,13 @@ def test_an_atlas_is_empty_until_it_is_generated(xatlas):
 @pytest.mark.parametrize(
     "read",
     [
-        lambda atlas: atlas.get_mesh(0),
-        lambda atlas: atlas[0],
-        lambda atlas: atlas.get_mesh_chart_count(0),
-        lambda atlas: atlas.get_mesh_chart(0, 0),
-        lambda atlas: atlas.get_mesh_vertex_assignment(0),
-        lambda atlas: atlas.utilization,
-        lambda atlas: atlas.get_utilization(0),
-        lambda atlas: atlas.chart_image,
+        lambda atlas: atlas.get_mesh(0), lambda atlas: atlas[0],
+        lambda atlas: atlas.get_mesh_chart_count(0), lambda atlas: atlas.get_mesh_chart(0, 0),
+        lambda atlas: atlas.get_mesh_vertex_assignment(0), lambda atlas: atlas.utilization,
+        lambda atlas: atlas.get_utilization(0), lambda atlas: atlas.chart_image,
         lambda atlas: atlas.get_chart_image(0),
     ],
-)
+)  # fmt: skip
 def test_what_is_not_there_is_an_index_error(xatlas, read):
     with pytest.raises(IndexError, match="index 0 out of bounds"):
         read(xatlas.Atlas())

@@ -13,13 +13,9 @@ from texbake.core import core
 from texbake.core.binding import OUT_OF_MEMORY, bind, read_prototype, split_prototypes
 
 CALLBACK = ctypes.CFUNCTYPE(
-    ctypes.c_int64,
-    ctypes.c_int64,
-    ctypes.c_void_p,
-    ctypes.c_void_p,
-    ctypes.c_void_p,
+    ctypes.c_int64, ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p,
     ctypes.c_double,
-)
+)  # fmt: skip
 PROTOTYPE = """int64_t add(
     int64_t n, const double values[n][2], OPTIONAL const bool mask[n], double sums[n + 1],
     double scale);"""

@@ -63,21 +63,15 @@ def start(tmp_path, checkout):
 
     def started(*words, compiler):
         environment = {
-            **os.environ,
-            "PYTHONPATH": str(tmp_path / "installed"),
-            "XDG_CACHE_HOME": str(tmp_path / "cache"),
-            "CC": str(compiler),
-        }
+            **os.environ, "PYTHONPATH": str(tmp_path / "installed"),
+            "XDG_CACHE_HOME": str(tmp_path / "cache"), "CC": str(compiler),
+        }  # fmt: skip
         for name in "TEXBAKE_CORE", "LD_PRELOAD":  # of a core with sanitizers
             environment.pop(name, None)
         return subprocess.Popen(
-            [sys.executable, *words],
-            cwd=checkout,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+            [sys.executable, *words], cwd=checkout, env=environment, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
 
     return started
 

@@ -77,12 +77,9 @@ print(digest.hexdigest())
 @cache
 def digest_of_the_whole_job(threads=2, **environment):
     finished = subprocess.run(
-        [sys.executable, "-P", "-c", WHOLE_JOB, str(threads)],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+        [sys.executable, "-P", "-c", WHOLE_JOB, str(threads)], env={**os.environ, **environment},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert finished.returncode == 0, finished.stderr
     return finished.stdout
 

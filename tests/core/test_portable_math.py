@@ -69,20 +69,13 @@ def true_asin(x):
 
 
 TRUTHS: dict[str, Callable[..., Decimal]] = {
-    "sin": true_sin,
-    "cos": true_cos,
-    "tan": lambda x: true_sin(x) / true_cos(x),
-    "arcsin": true_asin,
-    "arccos": lambda x: 2 * true_asin(((1 - x) / 2).sqrt()),
-    "arctan": true_atan,
-    "exp": Decimal.exp,
-    "log": Decimal.ln,
-    "log2": lambda x: x.ln() / Decimal(2).ln(),
-    "log10": Decimal.log10,
-    "arctan2": lambda y, x: true_atan(y / x) + (0 if x > 0 else PI.copy_sign(y)),
-    "hypot": lambda x, y: (x * x + y * y).sqrt(),
-    "power": lambda x, y: (y * x.ln()).exp(),
-}
+    "sin": true_sin, "cos": true_cos, "tan": lambda x: true_sin(x) / true_cos(x),
+    "arcsin": true_asin, "arccos": lambda x: 2 * true_asin(((1 - x) / 2).sqrt()),
+    "arctan": true_atan, "exp": Decimal.exp, "log": Decimal.ln,
+    "log2": lambda x: x.ln() / Decimal(2).ln(), "log10": Decimal.log10, "arctan2": lambda y,
+    x: true_atan(y / x) + (0 if x > 0 else PI.copy_sign(y)), "hypot": lambda x,
+    y: (x * x + y * y).sqrt(), "power": lambda x, y: (y * x.ln()).exp(),
+}  # fmt: skip
 
 
 def arguments(name):

@@ -220,12 +220,8 @@ def test_the_reference_is_what_the_program_says(page):
 def test_the_site_is_built_without_a_warning(tmp_path):
     command = [sys.executable, "-P", "-m", "mkdocs", "build", "--strict", "--quiet"]
     done = subprocess.run(
-        [*command, "-f", "docs/mkdocs.yml", "-d", tmp_path],
-        cwd=ROOT,
-        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+        [*command, "-f", "docs/mkdocs.yml", "-d", tmp_path], cwd=ROOT,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "reference" / "commands" / "index.html").exists()

@@ -86,16 +86,12 @@ def test_finish_a_generated_mesh(ball, tmp_path, monkeypatch):
     rng = np.random.default_rng(0)
     matrix = np.array([[100.0, 0, 0, 128], [0, 100, 0, 128], [0, 0, 0, 1]])
     scope = run(
-        code_of("generated-meshes.md"),
-        vertices=vertices,
-        faces=faces,
-        voxels=rng.random((8, 8, 8, 3)),
-        centers=vertices,
-        opacities=np.ones(len(vertices)),
+        code_of("generated-meshes.md"), vertices=vertices, faces=faces,
+        voxels=rng.random((8, 8, 8, 3)), centers=vertices, opacities=np.ones(len(vertices)),
         colors=rng.random((len(vertices), 3)),
         field=lambda points: tensor(np.abs(np.tile(points, 2)[:, :5]) / 4),
         photographs=[(rng.random((256, 256, 3)), matrix, np.array([0.0, 0.0, 9.0]))],
-    )
+    )  # fmt: skip
     assert texbake.read_mesh("model.glb").n_faces <= 300
     for name in "displacement.exr", "texture.png", "model.obj":
         assert Path(name).stat().st_size > 100

@@ -204,12 +204,10 @@ def run_format(name, options):
                 raise RuntimeError(f"{name}: the child ended with {code}:\n{tail}")
         nothing = [] if n_read(home) else ["no input was read"]
         return {
-            "format": name,
-            "inputs": n_read(home),
-            "seconds": round(time.monotonic() - start),
+            "format": name, "inputs": n_read(home), "seconds": round(time.monotonic() - start),
             "corpus": len(list(made.iterdir())),
             "faults": faults_of(name, options.findings) + nothing,
-        }
+        }  # fmt: skip
 
 
 def minimize(name, options):

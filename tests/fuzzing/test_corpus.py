@@ -40,16 +40,13 @@ def many_lines(path):
     raise TexbakeError("two\nlines")
 
 
-@pytest.mark.parametrize(
-    ("read", "fault"),
-    [
-        (many_lines, "several lines"),
-        (lambda path: 1 / 0, "ZeroDivisionError: division by zero at .*test_corpus.py"),
-        (lambda path: warnings.warn("odd", stacklevel=1), "UserWarning: odd"),
-        (lambda path: np.ones(1 << 28), "MemoryError"),
-        (lambda path: sum(range(10**7)), "it took more than 0.01 s of processor time"),
-    ],
-)
+@pytest.mark.parametrize(("read", "fault"), [
+    (many_lines, "several lines"),
+    (lambda path: 1 / 0, "ZeroDivisionError: division by zero at .*test_corpus.py"),
+    (lambda path: warnings.warn("odd", stacklevel=1), "UserWarning: odd"),
+    (lambda path: np.ones(1 << 28), "MemoryError"),
+    (lambda path: sum(range(10**7)), "it took more than 0.01 s of processor time"),
+])  # fmt: skip
 def test_what_else_a_reader_does_is_a_fault(read, fault, tmp_path, monkeypatch):
     monkeypatch.setattr(read_corpus, "SECONDS", 0.01)
     with bounded_memory(1 << 30):

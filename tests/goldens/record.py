@@ -213,15 +213,11 @@ def run_pipeline():
 
 
 GROUPS: dict[str, Callable[[], None]] = {
-    "demo": run_demo,
-    "python_api": run_sample("python_api.py", "vase"),
+    "demo": run_demo, "python_api": run_sample("python_api.py", "vase"),
     "asset_folder": run_sample("asset_folder.py"),
-    "mappings": run_sample("mappings.py", "mappings.png"),
-    "gallery": run_gallery,
-    "pipeline": run_pipeline,
-    "commands": run_commands,
-    "characters": run_characters,
-}
+    "mappings": run_sample("mappings.py", "mappings.png"), "gallery": run_gallery,
+    "pipeline": run_pipeline, "commands": run_commands, "characters": run_characters,
+}  # fmt: skip
 
 
 def checksums(folder):

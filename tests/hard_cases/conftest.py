@@ -27,19 +27,12 @@ from catalog.texture_space import TEXTURE_SPACE, in_cells as cells_of  # noqa: E
 
 MESHES = GEOMETRY + TEXTURE_SPACE
 CASES: dict[str, tuple[Any, ...]] = {
-    "mesh_case": MESHES,
-    "textured_case": only(MESHES, "uvs"),
-    "closed_case": only(MESHES, "closed"),
-    "solid_case": only(MESHES, "solid"),
-    "plain_case": only(MESHES, "plain"),
-    "flat_case": only(MESHES, "flat"),
-    "pair_case": PAIRS,
-    "ray_case": RAYS,
-    "mapping_case": MAPPINGS,
-    "image_case": IMAGES,
-    "color_case": only(IMAGES, "color"),
-    "scene_case": SCENES,
-}
+    "mesh_case": MESHES, "textured_case": only(MESHES, "uvs"),
+    "closed_case": only(MESHES, "closed"), "solid_case": only(MESHES, "solid"),
+    "plain_case": only(MESHES, "plain"), "flat_case": only(MESHES, "flat"), "pair_case": PAIRS,
+    "ray_case": RAYS, "mapping_case": MAPPINGS, "image_case": IMAGES,
+    "color_case": only(IMAGES, "color"), "scene_case": SCENES,
+}  # fmt: skip
 
 
 def pytest_generate_tests(metafunc):

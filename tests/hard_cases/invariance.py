@@ -66,17 +66,15 @@ class Change:
 
 CHANGES: tuple[Change, ...] = (
     Change(name="2^-40", kind=SCALE, scale=2.0**-40),
-    Change(name="2^-3", kind=SCALE, scale=2.0**-3),
-    Change(name="2^50", kind=SCALE, scale=2.0**50),
+    Change(name="2^-3", kind=SCALE, scale=2.0**-3), Change(name="2^50", kind=SCALE, scale=2.0**50),
     Change(name="by 2^4 sizes", kind=PLACE, sizes=2.0**4),
     Change(name="by 2^10 sizes", kind=PLACE, sizes=2.0**10),
     Change(name="about x", kind=TURN, linear=((1, 0, 0), (0, 0, -1), (0, 1, 0))),
     Change(name="about y", kind=TURN, linear=((0, 0, 1), (0, 1, 0), (-1, 0, 0))),
     Change(name="about z", kind=TURN, linear=((0, -1, 0), (1, 0, 0), (0, 0, 1))),
-    Change(name="faces", kind=FACES),
-    Change(name="vertices", kind=VERTICES),
+    Change(name="faces", kind=FACES), Change(name="vertices", kind=VERTICES),
     Change(name="corners", kind=CORNERS),
-)
+)  # fmt: skip
 
 
 @dataclass(kw_only=True, eq=False)

@@ -15,14 +15,10 @@ from catalog.texture_space import TEXTURE_SPACE
 
 PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "hard-cases.md"
 CATALOG = {
-    "Geometry": GEOMETRY,
-    "Pairs to bake": PAIRS,
-    "Rays": RAYS,
-    "Texture space and tangents": TEXTURE_SPACE,
-    "Mappings": MAPPINGS,
-    "Images": IMAGES,
+    "Geometry": GEOMETRY, "Pairs to bake": PAIRS, "Rays": RAYS,
+    "Texture space and tangents": TEXTURE_SPACE, "Mappings": MAPPINGS, "Images": IMAGES,
     "Scenes": SCENES,
-}
+}  # fmt: skip
 HEAD = "\n## The catalog\n"
 
 

@@ -23,11 +23,9 @@ def directions(n):
 def from_outside(targets, toward):
     """Rays that start 2 local units before their targets and end 2 behind them."""
     return Rays(
-        np.ascontiguousarray(targets - 2.0 * toward),
-        np.ascontiguousarray(toward),
-        np.full(len(targets), 4.0),
-        np.full(len(targets), 2.0),
-    )
+        np.ascontiguousarray(targets - 2.0 * toward), np.ascontiguousarray(toward),
+        np.full(len(targets), 4.0), np.full(len(targets), 2.0),
+    )  # fmt: skip
 
 
 def cast(mesh, rays, *, cull):

@@ -27,30 +27,24 @@ def warnings_for(bare, **changes):
     return comparison_warnings(changed)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {},
-        {"mean_deg": 4.0, "psnr_db": 33.0, "outline_mismatch": 0.0},
-        {"mean_deg": 5.0 + VISIBLE_DEG / 2},
-        {"psnr_db": 30.0 - VISIBLE_DB / 2},
-        {"outline_mismatch": 0.02 + VISIBLE_OUTLINE / 2},
-    ],
-)
+@pytest.mark.parametrize("changes", [
+    {},
+    {"mean_deg": 4.0, "psnr_db": 33.0, "outline_mismatch": 0.0},
+    {"mean_deg": 5.0 + VISIBLE_DEG / 2},
+    {"psnr_db": 30.0 - VISIBLE_DB / 2},
+    {"outline_mismatch": 0.02 + VISIBLE_OUTLINE / 2},
+])  # fmt: skip
 def test_no_warning_where_nobody_sees_a_difference(changes):
     assert warnings_for(BARE, **changes) == []
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"mean_deg": 5.5}, "normals off by 5.50° and not 5.00°;"),
-        ({"psnr_db": 28.0}, "PSNR 28.0 dB and not 30.0 dB;"),
-        ({"outline_mismatch": 0.122}, "outline off by 12.2 % and not 2.0 %;"),
-        ({"depth_mismatch": 0.2}, "depth off by 20.0 % and not 10.0 %;"),
-        ({"mean_deg": 9.0, "psnr_db": 9.0}, "normals off by 9.00° and not 5.00°, PSNR 9.0 dB"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"mean_deg": 5.5}, "normals off by 5.50° and not 5.00°;"),
+    ({"psnr_db": 28.0}, "PSNR 28.0 dB and not 30.0 dB;"),
+    ({"outline_mismatch": 0.122}, "outline off by 12.2 % and not 2.0 %;"),
+    ({"depth_mismatch": 0.2}, "depth off by 20.0 % and not 10.0 %;"),
+    ({"mean_deg": 9.0, "psnr_db": 9.0}, "normals off by 9.00° and not 5.00°, PSNR 9.0 dB"),
+])  # fmt: skip
 def test_what_is_worse_is_named(changes, words):
     (line,) = warnings_for(BARE, **changes)
     assert line.startswith("with its normal map the asset is ")

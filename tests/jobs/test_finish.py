@@ -111,24 +111,21 @@ def test_float16_and_read_only_arrays_are_taken_and_kept(ball):
     np.testing.assert_array_equal(faces, before[1])
 
 
-@pytest.mark.parametrize(
-    "change, message",
-    [
-        (lambda v, f: (Tensor(v, "cuda"), f), r"vertices: it is a tensor on cuda:0; .*\.cpu\(\)"),
-        (lambda v, f: (v, Tensor(f, "mps")), r"faces: it is a tensor on mps:0; .*\.cpu\(\)"),
-        (lambda v, f: (Tensor(v, dtype="bfloat16"), f), "vertices: .* unsupported ScalarType"),
-        (lambda v, f: ("mesh.obj", f), "vertices: it is not an array of numbers"),
-        (lambda v, f: (None, f), "vertices: it is not an array of numbers"),
-        (lambda v, f: (np.where(v > 10.9, np.nan, v), f), "a position is not finite"),
-        (lambda v, f: (v[:, :2], f), r"positions has the shape \(2562, 2\), not \(n, 3\)"),
-        (lambda v, f: (v, f.astype(float)), "faces must be integers"),
-        (lambda v, f: (v, f[:, :2]), r"faces has the shape \(5120, 2\)"),
-        (lambda v, f: (v, f[:0]), "it has no faces"),
-        (lambda v, f: (v, f + len(v)), "a position index is out of range"),
-        (lambda v, f: (v, -f), "a position index is out of range"),
-        (lambda v, f: (0 * v, f), "no face has an area"),
-    ],
-)
+@pytest.mark.parametrize("change, message", [
+    (lambda v, f: (Tensor(v, "cuda"), f), r"vertices: it is a tensor on cuda:0; .*\.cpu\(\)"),
+    (lambda v, f: (v, Tensor(f, "mps")), r"faces: it is a tensor on mps:0; .*\.cpu\(\)"),
+    (lambda v, f: (Tensor(v, dtype="bfloat16"), f), "vertices: .* unsupported ScalarType"),
+    (lambda v, f: ("mesh.obj", f), "vertices: it is not an array of numbers"),
+    (lambda v, f: (None, f), "vertices: it is not an array of numbers"),
+    (lambda v, f: (np.where(v > 10.9, np.nan, v), f), "a position is not finite"),
+    (lambda v, f: (v[:, :2], f), r"positions has the shape \(2562, 2\), not \(n, 3\)"),
+    (lambda v, f: (v, f.astype(float)), "faces must be integers"),
+    (lambda v, f: (v, f[:, :2]), r"faces has the shape \(5120, 2\)"),
+    (lambda v, f: (v, f[:0]), "it has no faces"),
+    (lambda v, f: (v, f + len(v)), "a position index is out of range"),
+    (lambda v, f: (v, -f), "a position index is out of range"),
+    (lambda v, f: (0 * v, f), "no face has an area"),
+])  # fmt: skip
 def test_arrays_that_are_no_mesh_are_one_clear_error(change, message, ball):
     with pytest.raises(TexbakeError, match=message) as caught:
         finish(*change(*ball), **SMALL)
@@ -197,16 +194,13 @@ def test_colors_are_srgb_unless_they_are_linear(ball):
     assert linear.channels["base-color"].factor == pytest.approx((128 / 255,) * 3, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    "answer, names",
-    [
-        (lambda p: p[:, 0] * 0, {"base-color"}),
-        (lambda p: Tensor(p[:, :3] * 0), {"base-color"}),
-        (lambda p: np.zeros((len(p), 4)), {"base-color", "alpha"}),
-        (lambda p: {"base_color": p * 0, "opacity": p[:, :1] * 0}, {"base-color", "alpha"}),
-        (lambda p: {"roughness": p[:, 0] * 0, "emissive": p * 0}, {"roughness", "emissive"}),
-    ],
-)
+@pytest.mark.parametrize("answer, names", [
+    (lambda p: p[:, 0] * 0, {"base-color"}),
+    (lambda p: Tensor(p[:, :3] * 0), {"base-color"}),
+    (lambda p: np.zeros((len(p), 4)), {"base-color", "alpha"}),
+    (lambda p: {"base_color": p * 0, "opacity": p[:, :1] * 0}, {"base-color", "alpha"}),
+    (lambda p: {"roughness": p[:, 0] * 0, "emissive": p * 0}, {"roughness", "emissive"}),
+])  # fmt: skip
 def test_any_channels_of_a_material(answer, names, ball):
     done = finish(*ball, sample=lambda points, normals: answer(points), **SMALL)
     assert set(done.maps) - {"normal", "displacement"} == names
@@ -227,30 +221,25 @@ def test_values_that_were_clipped_are_counted_in_a_warning(ball):
     assert warning.endswith(" values of base-color were out of range and clipped")
 
 
-@pytest.mark.parametrize(
-    "answer, message",
-    [
-        (lambda p: p[:-1], r"sample: it returned the shape \(15, 3\) for 16 points, not \(16, 1\)"),
-        (lambda p: p[:, :2], r"the shape \(16, 2\) for 16 points"),
-        (lambda p: p[None], r"the shape \(1, 16, 3\)"),
-        (lambda p: 0.5, r"the shape \(\) for 16 points"),
-        (lambda p: None, "sample: it is not an array of numbers, but None"),
-        (lambda p: "red", "sample: it is not an array of numbers, but 'red'"),
-        (lambda p: [[1], [2, 3]], "sample: it is not an array of numbers"),
-        (lambda p: p * np.nan, "sample: it returned NaN or infinity at 16 of 16 points"),
-        (lambda p: p * 0 + 255.0, r"base-color has values from 255 to 255; .* \[0, 1\], or be uin"),
-        (lambda p: Tensor(p, "cuda"), r"sample: it is a tensor on cuda:0; .*\.cpu\(\)"),
-        (lambda p: {}, "sample: it returned no channel"),
-        (lambda p: {"colour": p}, "sample: 'colour' is not a channel; return some of base-color"),
-        (lambda p: {"normal": p}, "sample: 'normal' is not a channel"),
-        (
-            lambda p: {"alpha": 0 * p[:, 0], "opacity": 0 * p[:, 1]},
-            "sample: it returned alpha under two",
-        ),
-        (lambda p: {"metallic": p}, r"sample: metallic: it returned the shape \(16, 3\)"),
-        (lambda p: {"roughness": p[:, 0] / 0}, "sample: roughness: it returned NaN or infinity"),
-    ],
-)
+@pytest.mark.parametrize("answer, message", [
+    (lambda p: p[:-1], r"sample: it returned the shape \(15, 3\) for 16 points, not \(16, 1\)"),
+    (lambda p: p[:, :2], r"the shape \(16, 2\) for 16 points"),
+    (lambda p: p[None], r"the shape \(1, 16, 3\)"),
+    (lambda p: 0.5, r"the shape \(\) for 16 points"),
+    (lambda p: None, "sample: it is not an array of numbers, but None"),
+    (lambda p: "red", "sample: it is not an array of numbers, but 'red'"),
+    (lambda p: [[1], [2, 3]], "sample: it is not an array of numbers"),
+    (lambda p: p * np.nan, "sample: it returned NaN or infinity at 16 of 16 points"),
+    (lambda p: p * 0 + 255.0, r"base-color has values from 255 to 255; .* \[0, 1\], or be uin"),
+    (lambda p: Tensor(p, "cuda"), r"sample: it is a tensor on cuda:0; .*\.cpu\(\)"),
+    (lambda p: {}, "sample: it returned no channel"),
+    (lambda p: {"colour": p}, "sample: 'colour' is not a channel; return some of base-color"),
+    (lambda p: {"normal": p}, "sample: 'normal' is not a channel"),
+    (lambda p: {"alpha": 0 * p[:, 0], "opacity": 0 * p[:, 1]},
+     "sample: it returned alpha under two"),
+    (lambda p: {"metallic": p}, r"sample: metallic: it returned the shape \(16, 3\)"),
+    (lambda p: {"roughness": p[:, 0] / 0}, "sample: roughness: it returned NaN or infinity"),
+])  # fmt: skip
 @pytest.mark.filterwarnings("ignore:divide by zero")
 def test_a_wrong_answer_is_one_clear_error_before_the_work(answer, message, ball):
     heard = []
@@ -349,16 +338,13 @@ def test_a_preset_chooses_options_that_are_not_given(ball):
     assert done.maps["normal"].options.convention == "directx"
 
 
-@pytest.mark.parametrize(
-    "radius, options, n_kept",
-    [
-        (0.01, {}, 1),  # 30 parts with less than a triangle's area each
-        (0.05, {}, 31),
-        (0.05, {"least_part": 0.01}, 1),
-        (0.01, {"least_part": 0.0}, 31),
-        (1.0, {"least_part": 1.0}, 31),  # all are as large as the largest
-    ],
-)
+@pytest.mark.parametrize("radius, options, n_kept", [
+    (0.01, {}, 1),  # 30 parts with less than a triangle's area each
+    (0.05, {}, 31),
+    (0.05, {"least_part": 0.01}, 1),
+    (0.01, {"least_part": 0.0}, 31),
+    (1.0, {"least_part": 1.0}, 31),  # all are as large as the largest
+])  # fmt: skip
 def test_flying_bits_are_left_out(radius, options, n_kept):
     ball, bit = icosphere(4), icosphere(1)
     ball = ball if radius < 1.0 else bit
@@ -386,19 +372,16 @@ def test_a_model_of_any_size_and_place(scale, offset, ball):
     assert np.abs(colors.values[..., 0] - expected)[points.mask & colors.has_data].max() < 0.06
 
 
-@pytest.mark.parametrize(
-    "options, message",
-    [
-        ({"least_part": -1}, "least_part: -1 is too small"),
-        ({"least_part": "x"}, "least_part: 'x' is not a number"),
-        ({"least_part": np.ones(2)}, "least_part: array.* is not a number"),
-        ({"sample": 3}, "sample: 3 is not a function"),
-        ({"n_facess": 3}, r"n_facess: there is no such option; did you mean 'n_faces'\?"),
-        ({"zzz": 3}, "zzz: there is no such option; see RunOptions"),
-        ({"progress": 3}, "progress: 3 is not a function, True or None"),
-        ({"maps": "ao"}, "maps: ao is one name; give a tuple"),
-    ],
-)
+@pytest.mark.parametrize("options, message", [
+    ({"least_part": -1}, "least_part: -1 is too small"),
+    ({"least_part": "x"}, "least_part: 'x' is not a number"),
+    ({"least_part": np.ones(2)}, "least_part: array.* is not a number"),
+    ({"sample": 3}, "sample: 3 is not a function"),
+    ({"n_facess": 3}, r"n_facess: there is no such option; did you mean 'n_faces'\?"),
+    ({"zzz": 3}, "zzz: there is no such option; see RunOptions"),
+    ({"progress": 3}, "progress: 3 is not a function, True or None"),
+    ({"maps": "ao"}, "maps: ao is one name; give a tuple"),
+])  # fmt: skip
 def test_wrong_arguments_are_one_clear_error(options, message, ball):
     with pytest.raises(OptionError, match=message):
         finish(*ball, **options)

@@ -28,11 +28,9 @@ SIZE = 128
 LAMBERT = Material(shading="lambert", base_color=(0.7, 0.6, 0.5))
 # A floor of 6 x 6 about the origin: texel (row, column) lies at the x and z of `floor_points`.
 FLOOR = SceneObject(
-    mesh=plane(),
-    material=LAMBERT,
-    transform=transform_matrix(scale=6, rotate=(-90, 0, 0), translate=(-3, 0, 3)),
-    name="floor",
-)
+    mesh=plane(), material=LAMBERT,
+    transform=transform_matrix(scale=6, rotate=(-90, 0, 0), translate=(-3, 0, 3)), name="floor",
+)  # fmt: skip
 CENTER, RADIUS = np.array([0.3, 1.2, -0.2]), 0.7
 BALL = SceneObject(
     mesh=uv_sphere(48, 96),
@@ -129,10 +127,8 @@ LAMPS = {
 def test_a_picture_with_maps_is_that_with_lamps(kind):
     ambient = Ambient(color=(0.1, 0.12, 0.15), ground=(0.05, 0.04, 0.03))
     scene = Scene(
-        objects=(FLOOR, BALL),
-        lighting=Lighting(lights=(LAMPS[kind],), ambient=ambient),
-        view=VIEW,
-    )
+        objects=(FLOOR, BALL), lighting=Lighting(lights=(LAMPS[kind],), ambient=ambient), view=VIEW,
+    )  # fmt: skip
     maps = bake_light_maps(scene, BakeOptions(size=512, padding=2))
     assert maps.warnings == ()
     shown = maps.shown_in(scene)
@@ -243,12 +239,9 @@ def test_overlaps_and_tiles_are_reported():
     folded = mesh.replace(uvs=np.abs(mesh.uvs * [2.0, 1.0] - [1.0, 0.0]))
     tiled = mesh.replace(uvs=mesh.uvs * 2.0)
     scene = Scene(
-        objects=(
-            SceneObject(mesh=folded, name="folded"),
-            SceneObject(mesh=tiled, name="tiled"),
-        ),
+        objects=(SceneObject(mesh=folded, name="folded"), SceneObject(mesh=tiled, name="tiled")),
         name="room.toml",
-    )
+    )  # fmt: skip
     warnings = bake_light_maps(scene, BakeOptions(size=8)).warnings
     assert [text.split(":")[0] for text in warnings] == ["room.toml", "folded", "tiled"]
     assert "its light maps are black; add ambient light" in warnings[0]

@@ -64,12 +64,9 @@ def test_files_of_several_meshes_share_an_image(tmp_path):
     protected = painted(tmp_path / "protected.png", pixels)
     free = unwrap_files(sources, tmp_path / "free", UnwrapOptions(size=256))
     found = unwrap_files(
-        sources,
-        tmp_path / "kept",
-        UnwrapOptions(size=256),
-        importance=important,
+        sources, tmp_path / "kept", UnwrapOptions(size=256), importance=important,
         protect=protected,
-    )
+    )  # fmt: skip
     assert not any(report.notes for report in found.report)
     flat = [tb.read_mesh(tmp_path / "kept" / path.name) for path in sources]
     spaces = [surface_areas(mesh.positions[mesh.faces]).sum() for mesh in flat]
@@ -121,15 +118,12 @@ def test_important_charts_get_more_texels(quality):
     assert np.allclose(same.uvs, tb.unwrap(mesh, **changes).uvs)
 
 
-@pytest.mark.parametrize(
-    ("importance", "changes", "message"),
-    [
-        ([0.5], {}, "one number for each of the 80 faces"),
-        (np.full(80, 1.5), {}, "not in the range 0 to 1"),
-        (np.full(80, np.nan), {}, "not in the range 0 to 1"),
-        (np.ones(80), {"method": "planar"}, "the method planar has no charts"),
-    ],
-)
+@pytest.mark.parametrize(("importance", "changes", "message"), [
+    ([0.5], {}, "one number for each of the 80 faces"),
+    (np.full(80, 1.5), {}, "not in the range 0 to 1"),
+    (np.full(80, np.nan), {}, "not in the range 0 to 1"),
+    (np.ones(80), {"method": "planar"}, "the method planar has no charts"),
+])  # fmt: skip
 def test_importance_that_cannot_be_used_is_an_error(importance, changes, message):
     with pytest.raises(OptionError, match=message):
         tb.unwrap(icosphere(1), importance=importance, **changes)

@@ -130,10 +130,8 @@ def test_a_turntable_has_the_exposure_of_its_first_picture(tmp_path):
 def test_pictures_side_by_side_share_one_exposure(tmp_path):
     gltf_ball(tmp_path, emissiveFactor=[1, 1, 1])
     preview_files(
-        tmp_path / "ball.glb",
-        tmp_path / "both.png",
-        SMALL,
+        tmp_path / "ball.glb", tmp_path / "both.png", SMALL,
         side_by_side={"interpolation": ("perspective", "affine")},
-    )
+    )  # fmt: skip
     pixels = read_image(tmp_path / "both.png", color=False).pixels
     assert pixels.max() < 1.0

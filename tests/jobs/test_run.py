@@ -39,14 +39,9 @@ from texbake.metadata import CONVENTION
 from texbake.targets import PROGRAMS
 
 FILES = {
-    "ball_low.obj",
-    "ball_low.glb",
-    "ball_normal.png",
-    "ball_displacement.exr",
-    "ball_preview.png",
-    "ball_compare.png",
-    "ball_report.json",
-}
+    "ball_low.obj", "ball_low.glb", "ball_normal.png", "ball_displacement.exr", "ball_preview.png",
+    "ball_compare.png", "ball_report.json",
+}  # fmt: skip
 OPTIONS = RunOptions(n_faces=200, size=256, padding=2, convention="directx", compare="full")
 # For what the maps and the pictures do not show.
 QUICK = replace(OPTIONS, size=64, compare="off")
@@ -111,12 +106,8 @@ def test_the_report_agrees_with_the_result(result):
     assert report["bake"]["texels_covered"] == result.baked.report.texels_covered
     assert report["simplify"]["n_faces"] == result.low.n_faces
     assert [stage["name"] for stage in report["stages"]] == [
-        "simplify",
-        "unwrap",
-        "bake",
-        "write maps",
-        "compare",
-    ]
+        "simplify", "unwrap", "bake", "write maps", "compare",
+    ]  # fmt: skip
     assert all(stage["peak_memory_bytes"] > 0 for stage in report["stages"])
 
 
@@ -293,31 +284,25 @@ def test_the_smooth_low_poly_mesh_is_written_with_its_normals(result):
     np.testing.assert_array_equal(low.normals[low.normal_faces], smooth_normals(low)[low.faces])
 
 
-@pytest.mark.parametrize(
-    ("choices", "expected"),
-    [
-        ({"samples": "adaptive"}, ("adaptive", None, None)),
-        ({"samples": 64}, (64, None, None)),
-        ({"max_error": "1deg"}, (1, "1deg", None)),
-        ({"time_budget": "9s"}, (1, None, "9s")),
-        ({}, (4, None, None)),
-    ],
-)
+@pytest.mark.parametrize(("choices", "expected"), [
+    ({"samples": "adaptive"}, ("adaptive", None, None)),
+    ({"samples": 64}, (64, None, None)),
+    ({"max_error": "1deg"}, (1, "1deg", None)),
+    ({"time_budget": "9s"}, (1, None, "9s")),
+    ({}, (4, None, None)),
+])  # fmt: skip
 def test_samples_are_four_without_an_error_and_a_time_budget(choices, expected):
     bake = RunOptions(**choices).bake_options()
     assert (bake.samples, bake.max_error, bake.time_budget) == expected
     assert bake.is_adaptive == (expected[0] == "adaptive" or expected[1] is not None)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"samples": 4, "max_error": "1deg"}, "leave nothing to choose"),
-        ({"size": 16, "padding": 8}, "padding: 8"),
-        ({"up": "x"}, "up: x"),
-        ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"samples": 4, "max_error": "1deg"}, "leave nothing to choose"),
+    ({"size": 16, "padding": 8}, "padding: 8"),
+    ({"up": "x"}, "up: x"),
+    ({"base_color": (1.0, 2.0, 0.0)}, "base_color"),
+])  # fmt: skip
 def test_impossible_options_are_refused_before_the_work(options, message):
     with pytest.raises(OptionError, match=message):
         RunOptions(**options)

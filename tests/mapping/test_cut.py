@@ -43,13 +43,10 @@ def test_a_flat_mesh_is_one_chart_with_its_own_lengths(method):
     )  # xatlas works in float32
 
 
-@pytest.mark.parametrize(
-    "positions",
-    [
-        [[0, 0, 0], [0, 0, 0], [0, 0, 0]],
-        [[0, 0, 0], [1, 1, 1], [2, 2, 2]],
-    ],
-)
+@pytest.mark.parametrize("positions", [
+    [[0, 0, 0], [0, 0, 0], [0, 0, 0]],
+    [[0, 0, 0], [1, 1, 1], [2, 2, 2]],
+])  # fmt: skip
 def test_a_mesh_without_area_is_one_clear_error(positions):
     mesh = Mesh(positions=positions, faces=[[0, 1, 2]], name="thread.obj")
     with pytest.raises(UnwrapError, match=r"thread\.obj: no face has an area"):

@@ -135,11 +135,9 @@ def test_optimum_against_another_optimizer():
 
 @settings(max_examples=25)
 @given(
-    seed=st.integers(0, 2**32 - 1),
-    columns=st.integers(1, 8),
-    rows=st.integers(1, 8),
+    seed=st.integers(0, 2**32 - 1), columns=st.integers(1, 8), rows=st.integers(1, 8),
     roughness=st.sampled_from([0.0, 0.1, 1.0, 10.0]),
-)
+)  # fmt: skip
 def test_injectivity_agrees_with_the_faces(seed, columns, rows, roughness):
     noise = np.random.default_rng(seed).normal(size=(rows + 1, columns + 1)) * roughness
     points, faces = sheet(columns, rows, lambda u, v: (u, v, noise))

@@ -175,14 +175,11 @@ def fan(n_faces, flipped=lambda _: False):
     return Mesh(positions=np.concatenate([[[0, 0, 0], [0, 0, 1]], outer]), faces=faces)
 
 
-@pytest.mark.parametrize(
-    ("mesh", "n_charts"),
-    [
-        (fan(5, lambda i: i % 2 == 0), 5),
-        (fan(2), 2),  # both walk the edge in one direction: opposite windings
-        (fan(2, lambda i: i == 0), 1),
-    ],
-)
+@pytest.mark.parametrize(("mesh", "n_charts"), [
+    (fan(5, lambda i: i % 2 == 0), 5),
+    (fan(2), 2),  # both walk the edge in one direction: opposite windings
+    (fan(2, lambda i: i == 0), 1),
+])  # fmt: skip
 def test_only_two_faces_of_one_winding_are_joined(mesh, n_charts):
     found, _ = joined(mesh, charts_by(np.arange(mesh.n_faces), mesh), most_l2=1.5)
     assert found.n_charts == n_charts

@@ -206,20 +206,17 @@ def test_no_face_is_smeared_across_a_seam(options, path):
         assert -areas[areas < 0.0].sum() < 1e-12
 
 
-@pytest.mark.parametrize(
-    ("name", "options"),
-    [
-        ("creature", {"method": "cylindrical"}),
-        ("creature", {"method": "spherical"}),
-        ("screw", {"method": "spherical"}),
-        ("chest", {"method": "cylindrical", "axis": "z", "caps": True}),
-        ("creature", {"method": "two-part", "surface": "cylinder", "via": "object-normal"}),
-        ("creature", {"method": "two-part", "surface": "sphere", "via": "centroid"}),
-        ("wall", {"method": "projector", "unseen": "aside", "camera": (40, 30)}),
-        ("ball", {"quality": "fast"}),
-        ("ball", {"quality": "best"}),
-    ],
-)
+@pytest.mark.parametrize(("name", "options"), [
+    ("creature", {"method": "cylindrical"}),
+    ("creature", {"method": "spherical"}),
+    ("screw", {"method": "spherical"}),
+    ("chest", {"method": "cylindrical", "axis": "z", "caps": True}),
+    ("creature", {"method": "two-part", "surface": "cylinder", "via": "object-normal"}),
+    ("creature", {"method": "two-part", "surface": "sphere", "via": "centroid"}),
+    ("wall", {"method": "projector", "unseen": "aside", "camera": (40, 30)}),
+    ("ball", {"quality": "fast"}),
+    ("ball", {"quality": "best"}),
+])  # fmt: skip
 def test_polygons_are_whole_across_seams(name, options, tmp_path):
     if name == "ball":
         mesh = grid_sphere(14, 24)

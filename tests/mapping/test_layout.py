@@ -16,11 +16,9 @@ from texbake.mesh.shapes import cube, plane
 
 def triangle(*uvs):
     return Mesh(
-        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]],
-        faces=[[0, 1, 2]],
-        uvs=uvs,
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]], uvs=uvs,
         uv_faces=[[0, 1, 2]],
-    )
+    )  # fmt: skip
 
 
 def test_row_0_is_the_top_and_the_rest_is_bright():

@@ -135,17 +135,14 @@ def test_a_way_avoids_the_diagonals_of_polygons(tmp_path):
     assert len(read_seams(tmp_path / "s.obj", square)) == 2
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("v 0 0 0\n", "has no lines"),
-        ("v 0 1 0\nv 0 9 0\nl 1 2\n", r"no vertex of .* is at the point \(0, 9, 0\)"),
-        ("v 0 1 0\nl 1 2\n", "line 2: a line needs two or more of the vertices above it"),
-        ("v 0 1 0\nl 1\n", "line 2: a line needs two or more"),
-        ("v 0 1 0\nl 1 x\n", "line 2: 'x' is not a number"),
-        ("v 0 1\n", "line 1: it has 2 words; a vertex needs 3 numbers"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), [
+    ("v 0 0 0\n", "has no lines"),
+    ("v 0 1 0\nv 0 9 0\nl 1 2\n", r"no vertex of .* is at the point \(0, 9, 0\)"),
+    ("v 0 1 0\nl 1 2\n", "line 2: a line needs two or more of the vertices above it"),
+    ("v 0 1 0\nl 1\n", "line 2: a line needs two or more"),
+    ("v 0 1 0\nl 1 x\n", "line 2: 'x' is not a number"),
+    ("v 0 1\n", "line 1: it has 2 words; a vertex needs 3 numbers"),
+])  # fmt: skip
 def test_a_file_that_is_wrong_says_where(tmp_path, text, message):
     (tmp_path / "seams.obj").write_text(text)
     with pytest.raises(FileFormatError, match=message):
@@ -163,30 +160,24 @@ def test_parts_that_no_edges_join_have_no_way(tmp_path):
         read_seams(tmp_path / "seams.obj", two)
 
 
-@pytest.mark.parametrize(
-    ("seams", "message"),
-    [
-        ([[0, 10**6]], "a vertex is 1000000; the vertices of .* are 0 to"),
-        ([[-1, 2]], "a vertex is -1"),
-        ([0, 1, 2], "the array has type int64 and shape .*; pass pairs of vertices"),
-        ([[0.0, 1.0]], "the array has type float64"),
-        ([[0, 50]], "no edge between its vertices 0 and 50"),
-        ([[0, 1], [2]], "seams: it is not an array of numbers"),
-    ],
-)
+@pytest.mark.parametrize(("seams", "message"), [
+    ([[0, 10**6]], "a vertex is 1000000; the vertices of .* are 0 to"),
+    ([[-1, 2]], "a vertex is -1"),
+    ([0, 1, 2], "the array has type int64 and shape .*; pass pairs of vertices"),
+    ([[0.0, 1.0]], "the array has type float64"),
+    ([[0, 50]], "no edge between its vertices 0 and 50"),
+    ([[0, 1], [2]], "seams: it is not an array of numbers"),
+])  # fmt: skip
 def test_pairs_that_are_no_edges_are_refused(seams, message):
     with pytest.raises(OptionError, match=message):
         unwrap(bare(uv_sphere(8, 8)), seams=seams)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"keep": True}, "charts that are kept are not cut"),
-        ({"charts": "xatlas"}, "xatlas does not follow"),
-        ({"method": "box"}, "the method box has no seams"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"keep": True}, "charts that are kept are not cut"),
+    ({"charts": "xatlas"}, "xatlas does not follow"),
+    ({"method": "box"}, "the method box has no seams"),
+])  # fmt: skip
 def test_what_seams_do_not_go_with(options, message):
     with pytest.raises(OptionError, match="keep_seams"):
         UnwrapOptions(**options, keep_seams=True)

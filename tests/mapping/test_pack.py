@@ -61,12 +61,10 @@ def assert_kept_apart(packing, faces, chart_ids, size, padding):
 
 @settings(max_examples=15)
 @given(
-    st.integers(0, 2**32 - 1),
-    st.integers(1, 12),
-    st.sampled_from([(96, 96), (128, 64), (50, 111)]),
-    st.integers(0, 5),
+    st.integers(0, 2**32 - 1), st.integers(1, 12),
+    st.sampled_from([(96, 96), (128, 64), (50, 111)]), st.integers(0, 5),
     st.sampled_from(["fast", "good", "best"]),
-)
+)  # fmt: skip
 def test_charts_are_kept_apart_and_keep_their_shape(seed, n_charts, size, padding, effort):
     uvs, faces, chart_ids = triangles(seed, n_charts)
     packing = pack_charts(uvs, faces, chart_ids, size=size, padding=padding, effort=effort)

@@ -23,13 +23,9 @@ def divided(mesh, part_faces):
     faces = weld_rows(mesh.positions)[mesh.faces]
     opposite = opposite_of(faces)
     labels = divide_parts(
-        mesh.positions,
-        faces,
-        opposite,
-        connected_parts(opposite),
-        part_faces=part_faces,
+        mesh.positions, faces, opposite, connected_parts(opposite), part_faces=part_faces,
         whole_faces=part_faces,
-    )
+    )  # fmt: skip
     return labels, opposite
 
 
@@ -102,12 +98,9 @@ def test_batches_hold_one_region_and_one_part_of_a_large_piece():
     points = np.concatenate([mesh.positions, np.random.default_rng(3).random((300, 3))])
     regions = np.repeat([0, 1, 2], [len(mesh.faces), 50, 50]).astype(np.int32)
     batches = face_batches(
-        points,
-        faces.astype(np.int32),
-        whole(faces.astype(np.int32)),
-        part_faces=1000,
+        points, faces.astype(np.int32), whole(faces.astype(np.int32)), part_faces=1000,
         regions=regions,
-    )
+    )  # fmt: skip
     assert all(len(np.unique(regions[batch])) == 1 for batch in batches)
     assert sorted(len(batch) for batch in batches)[:2] == [50, 50]
     assert max(len(batch) for batch in batches) <= 1600

@@ -22,16 +22,13 @@ def rotation(seed):
     return q * np.sign(np.linalg.det(q))
 
 
-@pytest.mark.parametrize(
-    ("axis", "right", "up"),
-    [
-        ("z", (1, 0, 0), (0, 1, 0)),
-        ("x", (0, 0, -1), (0, 1, 0)),
-        ("y", (1, 0, 0), (0, 0, -1)),
-        ((0, -2, 0), (1, 0, 0), (0, 0, 1)),
-        ((0, 0, -1), (-1, 0, 0), (0, 1, 0)),
-    ],
-)
+@pytest.mark.parametrize(("axis", "right", "up"), [
+    ("z", (1, 0, 0), (0, 1, 0)),
+    ("x", (0, 0, -1), (0, 1, 0)),
+    ("y", (1, 0, 0), (0, 0, -1)),
+    ((0, -2, 0), (1, 0, 0), (0, 0, 1)),
+    ((0, 0, -1), (-1, 0, 0), (0, 1, 0)),
+])  # fmt: skip
 def test_the_plane_drops_one_coordinate_and_fits_the_square(axis, right, up):
     positions = np.random.default_rng(4).normal(size=(90, 3)) * (3.0, 2.0, 1.0)
     mesh = Mesh(positions=positions, faces=np.arange(90).reshape(-1, 3))

@@ -149,24 +149,18 @@ def test_a_projector_inside_the_mesh_lights_the_faces_before_it():
 
 def test_corners_in_the_plane_of_the_projector_are_finite():
     sideways = (
-        (1.0, 0.0, 0.0, 0.0),
-        (0.0, 1.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 1.0, 0.0),
-    )
+        (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0),
+    )  # fmt: skip
     found = cast(plane(2, 2), matrix=sideways, unseen="project")  # q = z = 0 everywhere
     assert np.isfinite(found.corners).all()
     assert found.tallies == {"faces behind the projector": 8}
 
 
-@pytest.mark.parametrize(
-    ("matrix", "message"),
-    [
-        (((0.0,) * 4,) * 4, "one of its rows s, t and q is 0"),
-        ((*DOWN[:1], *DOWN[:1], *DOWN[2:]), "flatten the image to a line"),
-        (((1e308, 0.0, 0.0, 0.0), *DOWN[1:3], (0.0, 0.0, 0.0, 1e-308)), "not finite"),
-    ],
-)
+@pytest.mark.parametrize(("matrix", "message"), [
+    (((0.0,) * 4,) * 4, "one of its rows s, t and q is 0"),
+    ((*DOWN[:1], *DOWN[:1], *DOWN[2:]), "flatten the image to a line"),
+    (((1e308, 0.0, 0.0, 0.0), *DOWN[1:3], (0.0, 0.0, 0.0, 1e-308)), "not finite"),
+])  # fmt: skip
 def test_a_matrix_without_a_picture_is_one_error(matrix, message):
     with pytest.raises(OptionError, match=message):
         cast(plane(), matrix=matrix)
@@ -201,16 +195,13 @@ def test_a_matrix_of_three_rows_gives_s_t_and_q(tmp_path):
         cast(plane(), matrix=ROWS[:2])
 
 
-@pytest.mark.parametrize(
-    ("data", "message"),
-    [
-        (b"", "is empty"),
-        (b"1 " * 17, "it has 17 words; a matrix needs 16 numbers"),
-        (b"nan " * 16, "line 1: 'nan' is not finite"),
-        (b"1 1 1 1\n" * 3 + b"1 one 1 1", "line 4: 'one' is not a number"),
-        (b"\xff\xfe\x00" * 99, "is not a matrix"),
-    ],
-)
+@pytest.mark.parametrize(("data", "message"), [
+    (b"", "is empty"),
+    (b"1 " * 17, "it has 17 words; a matrix needs 16 numbers"),
+    (b"nan " * 16, "line 1: 'nan' is not finite"),
+    (b"1 1 1 1\n" * 3 + b"1 one 1 1", "line 4: 'one' is not a number"),
+    (b"\xff\xfe\x00" * 99, "is not a matrix"),
+])  # fmt: skip
 def test_anything_else_is_one_error(data, message, tmp_path):
     (tmp_path / "m.txt").write_bytes(data)
     with pytest.raises(FileFormatError, match=message):

@@ -67,16 +67,13 @@ def test_faces_of_a_file_are_found_where_they_are(tmp_path):
         protected_at(tmp_path / "some.obj", [moved])
 
 
-@pytest.mark.parametrize(
-    ("protect", "changes", "message"),
-    [
-        ([0.5], {}, "pass numbers of faces"),
-        ([-1], {}, "a face is -1"),
-        ([0], {"charts": "xatlas"}, "use charts texbake"),
-        ([0], {"symmetry": "overlap"}, "cannot overlap; use auto or off"),
-        ([0], {"method": "planar"}, "has no seams"),
-    ],
-)
+@pytest.mark.parametrize(("protect", "changes", "message"), [
+    ([0.5], {}, "pass numbers of faces"),
+    ([-1], {}, "a face is -1"),
+    ([0], {"charts": "xatlas"}, "use charts texbake"),
+    ([0], {"symmetry": "overlap"}, "cannot overlap; use auto or off"),
+    ([0], {"method": "planar"}, "has no seams"),
+])  # fmt: skip
 def test_what_is_wrong_with_protected_faces_is_said(protect, changes, message):
     with pytest.raises(OptionError, match=message):
         tb.unwrap(icosphere(1), protect=protect, **changes)

@@ -18,11 +18,9 @@ def surface(points, faces, threads=None):
 
 def charts_of(uvs, faces, chart_ids):
     return Charts(
-        uvs=np.array(uvs, dtype=np.float64),
-        faces=np.array(faces, dtype=np.int32),
-        chart_ids=np.array(chart_ids, dtype=np.int32),
-        notes=("a note",),
-    )
+        uvs=np.array(uvs, dtype=np.float64), faces=np.array(faces, dtype=np.int32),
+        chart_ids=np.array(chart_ids, dtype=np.int32), notes=("a note",),
+    )  # fmt: skip
 
 
 def figures(points, mesh_faces, charts):

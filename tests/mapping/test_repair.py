@@ -16,20 +16,15 @@ NO_CHART = 2**32 - 1
 def repaired(mesh, uvs, chart_ids):
     """Repair coordinates that are stored per vertex."""
     return repair_charts(
-        mesh.positions[mesh.faces],
-        mesh.faces.astype(np.uint32),
-        np.asarray(uvs, dtype=np.float32),
+        mesh.positions[mesh.faces], mesh.faces.astype(np.uint32), np.asarray(uvs, dtype=np.float32),
         np.asarray(chart_ids, dtype=np.uint32),
-    )
+    )  # fmt: skip
 
 
 @given(
-    st.floats(0.2, 5.0),
-    st.floats(0.2, 5.0),
-    st.floats(-2.0, 2.0),
-    st.booleans(),
+    st.floats(0.2, 5.0), st.floats(0.2, 5.0), st.floats(-2.0, 2.0), st.booleans(),
     st.floats(-50.0, 50.0),
-)
+)  # fmt: skip
 def test_a_linear_map_of_a_flat_chart_is_undone(a, b, shear, mirror, offset):
     mesh = plane(4, 3)
     assert mesh.uvs is not None

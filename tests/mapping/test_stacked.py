@@ -25,13 +25,11 @@ def beside(*islands):
     faces = np.concatenate([m.faces + s for m, s in zip(islands, starts, strict=False)])
     positions = [mesh.positions + np.array([2.0 * i, 0, 0]) for i, mesh in enumerate(islands)]
     return Mesh(
-        positions=np.concatenate(positions),
-        faces=faces,
-        uvs=np.concatenate([mesh.uvs for mesh in islands]),
-        uv_faces=faces,
+        positions=np.concatenate(positions), faces=faces,
+        uvs=np.concatenate([mesh.uvs for mesh in islands]), uv_faces=faces,
         face_groups=np.repeat(np.arange(len(islands)), [m.n_faces for m in islands]),
         group_names=tuple(f"part{i}" for i in range(len(islands))),
-    )
+    )  # fmt: skip
 
 
 def moved(s, t):

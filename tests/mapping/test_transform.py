@@ -23,20 +23,17 @@ def test_default_options_change_no_bit():
     assert np.array_equal(transform_uvs(POINTS, UnwrapOptions()), POINTS)
 
 
-@pytest.mark.parametrize(
-    ("changes", "expected"),
-    [
-        ({"flip": "s"}, (0.75, 0.5)),
-        ({"flip": "t"}, (0.25, 0.5)),
-        ({"flip": "st"}, (0.75, 0.5)),
-        ({"rotate": 90}, (0.5, 0.25)),
-        ({"rotate": 180}, (0.75, 0.5)),
-        ({"rotate": -90}, (0.5, 0.75)),
-        ({"scale": 4}, (1.0, 2.0)),
-        ({"scale": (2, -1)}, (0.5, -0.5)),
-        ({"flip": "s", "rotate": 90, "scale": 2}, (1.0, 1.5)),  # in this order
-    ],
-)
+@pytest.mark.parametrize(("changes", "expected"), [
+    ({"flip": "s"}, (0.75, 0.5)),
+    ({"flip": "t"}, (0.25, 0.5)),
+    ({"flip": "st"}, (0.75, 0.5)),
+    ({"rotate": 90}, (0.5, 0.25)),
+    ({"rotate": 180}, (0.75, 0.5)),
+    ({"rotate": -90}, (0.5, 0.75)),
+    ({"scale": 4}, (1.0, 2.0)),
+    ({"scale": (2, -1)}, (0.5, -0.5)),
+    ({"flip": "s", "rotate": 90, "scale": 2}, (1.0, 1.5)),  # in this order
+])  # fmt: skip
 def test_each_step_and_their_order(changes, expected):
     point = np.array([[0.25, 0.5]])
     assert transform_uvs(point, UnwrapOptions(**changes)).tolist() == [list(expected)]  # type: ignore[arg-type, call-overload]
@@ -128,15 +125,12 @@ def test_a_function_is_called_with_a_copy():
     assert np.array_equal(GRID, before)
 
 
-@pytest.mark.parametrize(
-    ("function", "message"),
-    [
-        (lambda p: p[:-1], "must return"),
-        (lambda p: None, "must return"),
-        (lambda p: "twirl", "must return"),
-        (lambda p: p * np.nan, "not finite"),
-    ],
-)
+@pytest.mark.parametrize(("function", "message"), [
+    (lambda p: p[:-1], "must return"),
+    (lambda p: None, "must return"),
+    (lambda p: "twirl", "must return"),
+    (lambda p: p * np.nan, "not finite"),
+])  # fmt: skip
 def test_a_function_that_returns_something_else_is_one_error(function, message):
     with pytest.raises(OptionError, match=message):
         warp_uvs(GRID, function)

@@ -254,31 +254,26 @@ def test_parametrize_is_called_and_answers_as_xatlas_does(arrays):
     assert named == ["positions", "indices", "normals", "uvs"]
 
 
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"method": "magic"}, "method: magic is not one of atlas"),
-        ({"size": 0}, "size: 0 is out of range"),
-        ({"size": (1, 2, 3)}, "neither a whole number nor"),
-        ({"padding": -1}, "padding: -1 is out of range; it must be 0 or more"),
-        ({"size": (1024, 8), "padding": 4}, "leave no room in 1024 x 8"),
-        ({"timeout": 0.0}, "timeout: 0.0"),
-        ({"keep": True, "max_stretch": 1.1}, "max_stretch: charts that are kept are not cut"),
-        ({"keep": True, "charts": "xatlas"}, "charts: charts that are kept are not cut"),
-        ({"timeout": 9.0}, "timeout: it is for xatlas; leave it out, or use charts xatlas"),
-        (
-            {"method": "projector", "matrix": ((1.0, 0.0, 0.0, 0.0),) * 4, "fov": 50.0},
-            "fov: the matrix has its own",
-        ),
-        ({"method": "projector", "camera": 5}, "camera: 5 is neither 2 finite numbers nor 3"),
-        ({"method": "planar", "warp": ("twirl",)}, "is not a name with its strength"),
-        ({"rotate": float("inf")}, "rotate: inf is not a finite number"),
-        ({"texel_density": 9.0, "scale": 2.0}, "texel_density: an atlas is packed at"),
-        ({"method": "two-part", "surface": "box", "theta": (0.0, 90.0)}, "theta: the surface box"),
-        ({"method": "two-part", "eye": (0.0, 0.0, 9.0)}, "eye: via centroid does not use it"),
-        ({"method": "cylindrical", "theta": (0.0, 1e-320)}, "theta: .* is an empty range"),
-    ],
-)
+@pytest.mark.parametrize(("values", "message"), [
+    ({"method": "magic"}, "method: magic is not one of atlas"),
+    ({"size": 0}, "size: 0 is out of range"),
+    ({"size": (1, 2, 3)}, "neither a whole number nor"),
+    ({"padding": -1}, "padding: -1 is out of range; it must be 0 or more"),
+    ({"size": (1024, 8), "padding": 4}, "leave no room in 1024 x 8"),
+    ({"timeout": 0.0}, "timeout: 0.0"),
+    ({"keep": True, "max_stretch": 1.1}, "max_stretch: charts that are kept are not cut"),
+    ({"keep": True, "charts": "xatlas"}, "charts: charts that are kept are not cut"),
+    ({"timeout": 9.0}, "timeout: it is for xatlas; leave it out, or use charts xatlas"),
+    ({"method": "projector", "matrix": ((1.0, 0.0, 0.0, 0.0),) * 4, "fov": 50.0},
+     "fov: the matrix has its own"),
+    ({"method": "projector", "camera": 5}, "camera: 5 is neither 2 finite numbers nor 3"),
+    ({"method": "planar", "warp": ("twirl",)}, "is not a name with its strength"),
+    ({"rotate": float("inf")}, "rotate: inf is not a finite number"),
+    ({"texel_density": 9.0, "scale": 2.0}, "texel_density: an atlas is packed at"),
+    ({"method": "two-part", "surface": "box", "theta": (0.0, 90.0)}, "theta: the surface box"),
+    ({"method": "two-part", "eye": (0.0, 0.0, 9.0)}, "eye: via centroid does not use it"),
+    ({"method": "cylindrical", "theta": (0.0, 1e-320)}, "theta: .* is an empty range"),
+])  # fmt: skip
 def test_a_value_that_cannot_be_is_one_clear_error(values, message):
     with pytest.raises(OptionError, match=message):
         UnwrapOptions(**values)

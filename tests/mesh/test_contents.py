@@ -18,26 +18,21 @@ def test_gltf(tmp_path):
         "textures": [{"source": 0}, {"source": 1}],
         "materials": [
             {
-                "name": "skin",
-                "alphaMode": "BLEND",
+                "name": "skin", "alphaMode": "BLEND",
                 "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
-                "normalTexture": {"index": 1},
-                "extensions": {"KHR_materials_clearcoat": {}},
+                "normalTexture": {"index": 1}, "extensions": {"KHR_materials_clearcoat": {}},
             },
             {},
         ],
         "meshes": [{"primitives": [{"attributes": {"TEXCOORD_1": 0, "TEXCOORD_0": 0}}]}],
-    }
+    }  # fmt: skip
     (tmp_path / "a.gltf").write_text(json.dumps(document))
     found = read_contents(tmp_path / "a.gltf")
     assert [material.name for material in found.materials] == ["skin", "material 1"]
     assert found.materials[0].channels == {
-        "base-color": "c.png",
-        "metallic": None,
-        "normal": "detail",
-        "opacity": "c.png",
+        "base-color": "c.png", "metallic": None, "normal": "detail", "opacity": "c.png",
         "clearcoat": None,
-    }
+    }  # fmt: skip
     assert found.images == {"c.png": b"picture", "detail": None}
     assert found.uv_sets == ("TEXCOORD_0", "TEXCOORD_1")
     assert (found.meters_per_unit, found.up) == (1.0, "+Y")

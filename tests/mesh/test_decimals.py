@@ -29,12 +29,9 @@ DIGITS = st.text("0123456789", min_size=1, max_size=40)
 
 @settings(max_examples=300)
 @given(
-    st.sampled_from(["", "-", "+"]),
-    DIGITS,
-    st.sampled_from(["", "."]),
-    DIGITS,
+    st.sampled_from(["", "-", "+"]), DIGITS, st.sampled_from(["", "."]), DIGITS,
     st.integers(-400, 400),
-)
+)  # fmt: skip
 @example("", "9007199254740993", "", "0", 0)
 def test_any_number_of_digits_and_powers(sign, whole, point, fraction, power):
     plain = f"{sign}{whole}{point}{fraction if point else ''}"

@@ -87,18 +87,15 @@ def test_normals_are_split_where_coordinates_are():
     assert with_normals(mesh, "keep") is mesh
 
 
-@pytest.mark.parametrize(
-    "mesh, n_sharp",
-    [
-        (cube(), 12),
-        (BARREL, 192),
-        (with_normals(joined(icosphere(3), cube()), "angle", angle=1e-3), 12),  # all facets
-        (joined(cube(), bare(cube()).replace(positions=cube().positions + 5.0)), 24),
-        (TORUS, 0),
-        (icosphere(3), 0),
-        (bare(make("sphere", resolution=(16, 8))), 0),
-    ],
-)
+@pytest.mark.parametrize("mesh, n_sharp", [
+    (cube(), 12),
+    (BARREL, 192),
+    (with_normals(joined(icosphere(3), cube()), "angle", angle=1e-3), 12),  # all facets
+    (joined(cube(), bare(cube()).replace(positions=cube().positions + 5.0)), 24),
+    (TORUS, 0),
+    (icosphere(3), 0),
+    (bare(make("sphere", resolution=(16, 8))), 0),
+])  # fmt: skip
 def test_sharp_edges_of_made_surfaces(mesh, n_sharp):
     found = with_sharp_edges(mesh)
     assert (found.normals is None) == (n_sharp == 0)

@@ -51,14 +51,10 @@ def test_texture_coordinates():
 
 def test_json():
     mesh = Mesh(
-        positions=CUBE,
-        faces=CUBE_FACES,
-        normals=[[0, 0, 1]],
-        normal_faces=np.zeros((12, 3), dtype=int),
-        face_groups=[0] * 5 + [2] * 7,
-        group_names=("a", "b", "ç"),
-        colors=np.ones((8, 3)),
-    )
+        positions=CUBE, faces=CUBE_FACES, normals=[[0, 0, 1]],
+        normal_faces=np.zeros((12, 3), dtype=int), face_groups=[0] * 5 + [2] * 7,
+        group_names=("a", "b", "ç"), colors=np.ones((8, 3)),
+    )  # fmt: skip
     info = mesh_info(mesh)
     read = json.loads(info.to_json())
     assert read["n_normals"] == 1

@@ -24,11 +24,9 @@ def test_seams_split_vertices_and_keep_every_corner():
 
 def test_unused_vertices_and_degenerate_faces_stay():
     mesh = texbake.Mesh(
-        positions=[[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]],
-        faces=[[1, 2, 3], [1, 1, 2]],
-        uvs=[[0, 0], [1, 0], [0, 1]],
-        uv_faces=[[0, 1, 2], [0, 0, 1]],
-    )
+        positions=[[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[1, 2, 3], [1, 1, 2]],
+        uvs=[[0, 0], [1, 0], [0, 1]], uv_faces=[[0, 1, 2], [0, 0, 1]],
+    )  # fmt: skip
     converted = texbake.to_trimesh(mesh)
     assert converted.faces.tolist() == [[1, 2, 3], [1, 1, 2]]
     assert converted.visual.uv.tolist() == [[0, 0], [0, 0], [1, 0], [0, 1]]

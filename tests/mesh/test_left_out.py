@@ -120,16 +120,13 @@ def test_tangents_that_are_not_finite(tmp_path):
 TRIANGLE = "f 1 2 3\n"
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        (SQUARE + TRIANGLE + "f 3 4\nf 1\nf 1 3 4\n", "left out 2 faces with fewer"),
-        (SQUARE.replace(" 1", " 1,5") + TRIANGLE + "f 1 3 4\n", "decimal commas are read as"),
-        ("\ufeff" + SQUARE + TRIANGLE + "f 1 3 4\n", None),
-        (SQUARE + TRIANGLE + "f 1 3 4\n\0", None),
-        (SQUARE + TRIANGLE + "f 1 3 4\n" + "\0" * 5, None),
-    ],
-)
+@pytest.mark.parametrize(("text", "line"), [
+    (SQUARE + TRIANGLE + "f 3 4\nf 1\nf 1 3 4\n", "left out 2 faces with fewer"),
+    (SQUARE.replace(" 1", " 1,5") + TRIANGLE + "f 1 3 4\n", "decimal commas are read as"),
+    ("\ufeff" + SQUARE + TRIANGLE + "f 1 3 4\n", None),
+    (SQUARE + TRIANGLE + "f 1 3 4\n\0", None),
+    (SQUARE + TRIANGLE + "f 1 3 4\n" + "\0" * 5, None),
+])  # fmt: skip
 def test_odd_obj_files(tmp_path, text, line):
     (tmp_path / "a.obj").write_text(text, "utf-8")
     mesh, lines = heard(tmp_path / "a.obj")
@@ -207,16 +204,10 @@ def test_fbx_of_old_versions_is_named(tmp_path, version, name, form):
         read_mesh(tmp_path / "a.fbx")
 
 
-@pytest.mark.parametrize(
-    ("geometry", "message"),
-    [
-        (("Geometry", [74, "\0\1Geometry", "NurbsSurface"], []), "no faces, but 1 NURBS surface;"),
-        (
-            ("Geometry", [74, "\0\1Geometry", "Mesh"], shape(polygons=np.zeros(0, "i4"))),
-            "are empty;",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("geometry", "message"), [
+    (("Geometry", [74, "\0\1Geometry", "NurbsSurface"], []), "no faces, but 1 NURBS surface;"),
+    (("Geometry", [74, "\0\1Geometry", "Mesh"], shape(polygons=np.zeros(0, "i4"))), "are empty;"),
+])  # fmt: skip
 def test_why_an_fbx_file_is_empty(tmp_path, geometry, message):
     (tmp_path / "a.fbx").write_bytes(written([("Objects", [], [geometry])], 7400, "binary"))
     with pytest.raises(MeshError, match=message):
@@ -247,11 +238,9 @@ def test_omissions_that_change_an_fbx_surface_are_named(tmp_path):
 
 def test_skins_and_morph_targets_of_gltf_are_named(tmp_path):
     path = gltf(
-        tmp_path / "a.gltf",
-        {"POSITION": CORNERS},
-        primitive={"targets": [{"POSITION": 0}]},
+        tmp_path / "a.gltf", {"POSITION": CORNERS}, primitive={"targets": [{"POSITION": 0}]},
         skins=[{"joints": [0]}],
-    )
+    )  # fmt: skip
     document = json.loads(path.read_text())
     document["meshes"][0]["primitives"] *= 2  # the primitives of a mesh share its morph targets
     path.write_text(json.dumps(document))
@@ -266,12 +255,10 @@ def test_skins_and_morph_targets_of_gltf_are_named(tmp_path):
 
 def test_animations_and_lights_of_gltf_are_counted(tmp_path):
     path = gltf(
-        tmp_path / "a.gltf",
-        {"POSITION": CORNERS},
-        animations=[{"channels": [], "samplers": []}] * 2,
-        skins=[{"joints": [0]}],
+        tmp_path / "a.gltf", {"POSITION": CORNERS},
+        animations=[{"channels": [], "samplers": []}] * 2, skins=[{"joints": [0]}],
         extensions={"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
-    )
+    )  # fmt: skip
     assert read_contents(path).passed_over == ("2 animations", "1 skin", "1 light")
     empty = "left out 2 animations: animation 0: it moves no node of the scene"
     with pytest.warns(ReadWarning, match=empty):
@@ -328,11 +315,9 @@ def draco(path, mesh, attributes, data):
     points = {"componentType": 5126, "count": len(mesh.positions), "type": "VEC3"}
     file = GltfFile(
         accessors=[
-            {"componentType": 5125, "count": 3 * mesh.n_faces, "type": "SCALAR"},
-            points,
-            points,
-        ]
-    )
+            {"componentType": 5125, "count": 3 * mesh.n_faces, "type": "SCALAR"}, points, points,
+        ],
+    )  # fmt: skip
     extension = {"bufferView": file.view(data), "attributes": attributes}
     file.mesh({
         "attributes": {"POSITION": 1, "NORMAL": 2}, "indices": 0,

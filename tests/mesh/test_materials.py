@@ -73,14 +73,11 @@ def test_obj_materials_have_the_channels_of_physically_based_ones(tmp_path):
     assert wood.channels["normal"].image.data == b"bent"
 
 
-@pytest.mark.parametrize(
-    ("library", "error", "message"),
-    [
-        ("newmtl wood\nKd blue\n", FileFormatError, "Kd 'blue' is not a color"),
-        ("newmtl wood\nKd 1 2\n", FileFormatError, "Kd '1 2' is not a color"),
-        ("newmtl wood\nKd nan 0 0\n", FileFormatError, "is not a color"),
-    ],
-)
+@pytest.mark.parametrize(("library", "error", "message"), [
+    ("newmtl wood\nKd blue\n", FileFormatError, "Kd 'blue' is not a color"),
+    ("newmtl wood\nKd 1 2\n", FileFormatError, "Kd '1 2' is not a color"),
+    ("newmtl wood\nKd nan 0 0\n", FileFormatError, "is not a color"),
+])  # fmt: skip
 def test_bad_libraries_are_one_clear_error(tmp_path, library, error, message):
     path = obj_with(tmp_path, "a.mtl", library)
     with pytest.raises(error, match=message):
@@ -123,10 +120,8 @@ def test_files_without_materials_have_none(tmp_path):
         write_mesh(cube(), path)
         found = read_materials(path, read_mesh(path))
         assert found is None or found.materials[0].channels.keys() == {
-            "base-color",
-            "roughness",
-            "metallic",
-        }
+            "base-color", "roughness", "metallic",
+        }  # fmt: skip
 
 
 def gltf_with(tmp_path, material, **content):

@@ -176,10 +176,8 @@ def test_a_normal_that_turns_stays_where_distant_faces_share_it():
     shared = np.array([0.96, 0.0, -0.28])
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [9, 0, 0], [9, 1, 0], [9, 0, 1]],
-        faces=[[0, 1, 2], [3, 4, 5]],
-        normals=[shared],
-        normal_faces=np.zeros((2, 3), np.int32),
-    )
+        faces=[[0, 1, 2], [3, 4, 5]], normals=[shared], normal_faces=np.zeros((2, 3), np.int32),
+    )  # fmt: skip
     seen = with_visible_normals(mesh)
     turned, kept = seen.normals[seen.normal_faces]
     assert (turned[:, 2] > 0.0).all() and (turned[:, 0] > 0.9).all()

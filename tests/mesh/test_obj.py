@@ -120,12 +120,10 @@ def test_unknown_statements_are_skipped(read):
 def test_round_trip_of_groups_and_colors(tmp_path):
     rng = np.random.default_rng(0)
     mesh = Mesh(
-        positions=rng.normal(size=(9, 3)),
-        faces=np.arange(9).reshape(3, 3),
-        colors=rng.random((9, 4), dtype=np.float32),
-        face_groups=[0, 1, 0],
+        positions=rng.normal(size=(9, 3)), faces=np.arange(9).reshape(3, 3),
+        colors=rng.random((9, 4), dtype=np.float32), face_groups=[0, 1, 0],
         group_names=("a b/ç", "back\\"),
-    )
+    )  # fmt: skip
     write_mesh(mesh, tmp_path / "mesh.obj")
     again = read_mesh(tmp_path / "mesh.obj")
     assert again.group_names == mesh.group_names
@@ -152,22 +150,19 @@ _SIDES = "f 1 2 6 5\nf 2 4 8 6\nf 4 3 7 8\nf 3 1 5 7\n"
 _LIDS = ("f 5 6 8 7\n", "f 1 3 4 2\n")
 
 
-@pytest.mark.parametrize(
-    "statements, n_normals",
-    [
-        ("{1}{2}{0}", None),
-        ("s 1\n{0}{1}{2}", None),
-        ("s off\n{0}{1}{2}", 6),
-        ("s 0\n{0}{1}{2}", 6),
-        ("{0}{1}{2}s 2\n", 6),  # nothing follows the group
-        ("s 1\n{0}s 2\n{1}s 3\n{2}", 10),
-        ("f\ns 1\n{0}f\ns 2\n{1}s 3\nf\n{2}f\n", 10),  # faces without corners
-        ("s 1\n{0}s off # lids\n{1}{2}", 10),
-        ("s 7\n{0}{1}s 8\n{2}", 9),
-        ("{1}s 1\n{0}{2}", 9),
-        ("o a\ns 1\n{0}usemtl m\n{1}g b\ns 2\n{2}", 9),
-    ],
-)
+@pytest.mark.parametrize("statements, n_normals", [
+    ("{1}{2}{0}", None),
+    ("s 1\n{0}{1}{2}", None),
+    ("s off\n{0}{1}{2}", 6),
+    ("s 0\n{0}{1}{2}", 6),
+    ("{0}{1}{2}s 2\n", 6),  # nothing follows the group
+    ("s 1\n{0}s 2\n{1}s 3\n{2}", 10),
+    ("f\ns 1\n{0}f\ns 2\n{1}s 3\nf\n{2}f\n", 10),  # faces without corners
+    ("s 1\n{0}s off # lids\n{1}{2}", 10),
+    ("s 7\n{0}{1}s 8\n{2}", 9),
+    ("{1}s 1\n{0}{2}", 9),
+    ("o a\ns 1\n{0}usemtl m\n{1}g b\ns 2\n{2}", 9),
+])  # fmt: skip
 def test_edges_between_smoothing_groups_are_hard(read, statements, n_normals):
     text = _CUBE + statements.format(_SIDES, *_LIDS)
     mesh = read(text)

@@ -68,19 +68,16 @@ def test_objects_that_touch_keep_the_normals_they_have_alone(make):
     assert np.array_equal(corner_normals(joined_objects(mesh)), AS_ONE)
 
 
-@pytest.mark.parametrize(
-    ("statement", "welded", "expected"),
-    [
-        ("o {}", False, APART),
-        ("g {}", False, APART),
-        ("o scene\ng {}", False, APART),
-        ("o {}\ng part", False, APART),
-        ("usemtl {}", False, AS_ONE),
-        ("o crate\nusemtl {}", False, AS_ONE),
-        ("g {}", True, AS_ONE),
-        ("", False, AS_ONE),
-    ],
-)
+@pytest.mark.parametrize(("statement", "welded", "expected"), [
+    ("o {}", False, APART),
+    ("g {}", False, APART),
+    ("o scene\ng {}", False, APART),
+    ("o {}\ng part", False, APART),
+    ("usemtl {}", False, AS_ONE),
+    ("o crate\nusemtl {}", False, AS_ONE),
+    ("g {}", True, AS_ONE),
+    ("", False, AS_ONE),
+])  # fmt: skip
 def test_objects_and_groups_of_an_obj_file_are_apart_and_materials_are_not(
     tmp_path, statement, welded, expected
 ):

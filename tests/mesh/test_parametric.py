@@ -60,17 +60,14 @@ def test_a_missing_source_is_named(shape):
         make(shape)
 
 
-@pytest.mark.parametrize(
-    ("shape", "options", "message"),
-    [
-        ("sphere", {"resolution": 10**9}, "makes 2,000,000,000,000,000,000 triangles; 20,000,000"),
-        ("sphere", {"resolution": (8, 1)}, "resolution: 8x1 is too small"),
-        ("torus", {"resolution": 2}, "resolution: 2x2 is too small"),
-        ("cylinder", {"sides": 10**9}, "triangles"),
-        ("height-field", {**SOURCES["height-field"], "resolution": 10**5}, "20,000,000,000 tri"),
-        ("torus", {"minor_radius": 1.0}, "minor_radius: 1.0 is not below the radius"),
-    ],
-)
+@pytest.mark.parametrize(("shape", "options", "message"), [
+    ("sphere", {"resolution": 10**9}, "makes 2,000,000,000,000,000,000 triangles; 20,000,000"),
+    ("sphere", {"resolution": (8, 1)}, "resolution: 8x1 is too small"),
+    ("torus", {"resolution": 2}, "resolution: 2x2 is too small"),
+    ("cylinder", {"sides": 10**9}, "triangles"),
+    ("height-field", {**SOURCES["height-field"], "resolution": 10**5}, "20,000,000,000 tri"),
+    ("torus", {"minor_radius": 1.0}, "minor_radius: 1.0 is not below the radius"),
+])  # fmt: skip
 def test_values_out_of_range(shape, options, message):
     with pytest.raises(OptionError) as caught:
         make(shape, **options)
@@ -158,16 +155,13 @@ def test_of_colors_the_mean_counts_and_alpha_does_not():
         np.testing.assert_array_equal(make("height-field", image=image).positions, plain)
 
 
-@pytest.mark.parametrize(
-    ("image", "message"),
-    [
-        (np.zeros((1, 9)), r"the shape \(1, 9\) is not an image of 2 x 2 pixels or more"),
-        (np.zeros(4), "is not an image"),
-        (np.zeros((2, 2, 0)), "is not an image"),
-        ([[0, np.nan], [np.inf, 0]], "some of its pixels are not finite"),
-        ("hill.png", "not an array"),
-    ],
-)
+@pytest.mark.parametrize(("image", "message"), [
+    (np.zeros((1, 9)), r"the shape \(1, 9\) is not an image of 2 x 2 pixels or more"),
+    (np.zeros(4), "is not an image"),
+    (np.zeros((2, 2, 0)), "is not an image"),
+    ([[0, np.nan], [np.inf, 0]], "some of its pixels are not finite"),
+    ("hill.png", "not an array"),
+])  # fmt: skip
 def test_arrays_that_are_no_images(image, message):
     with pytest.raises(OptionError, match=message):
         make("height-field", image=image)
@@ -328,11 +322,8 @@ def test_circle_points_are_exact_and_mirrored_bit_by_bit():
         points = circle_points(n)
         x, y = points.T
         assert points[[0, n // 4, n // 2, 3 * n // 4]].tolist() == [
-            [1, 0],
-            [0, 1],
-            [-1, 0],
-            [0, -1],
-        ]
+            [1, 0], [0, 1], [-1, 0], [0, -1],
+        ]  # fmt: skip
         np.testing.assert_array_equal(points[1:], (points * [1, -1])[:0:-1])  # about the x axis
         np.testing.assert_array_equal(np.roll(points, -n // 2, axis=0), -points)
         np.testing.assert_array_equal(np.roll(x, n // 4), y)

@@ -14,11 +14,9 @@ from texbake.mesh.topology import find_edges, genus
 ROUNDING = 2e-15
 
 CLOSED = {
-    "sphere": ({}, 0),
-    "torus": ({}, 1),
-    "cylinder": ({"caps": True}, 0),
+    "sphere": ({}, 0), "torus": ({}, 1), "cylinder": ({"caps": True}, 0),
     "cone": ({"caps": True}, 0),
-}
+}  # fmt: skip
 
 
 def volume(mesh):

@@ -32,19 +32,16 @@ def test_profiles_are_read(written, text):
     assert profile_of(written(text)).tolist() == [[0, 0], [1, 0.5], [1, 2]]
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "the file is empty"),
-        ("1 1\n1 1\n1 1\n", "fewer than two points"),
-        ("0 0\n0 1\n", "it lies on the axis"),
-        ("0 0\n1 1\n-0.5 2\n", "a radius is negative"),
-        ("0 0\n\nnan 1\n", "line 3: 'nan' is not finite"),
-        ("0 0\n1\n", "line 2: it has 1 word; a point needs 2 numbers"),
-        ("0 0\none two\n", "line 2: 'one' is not a number"),
-        (b"0 0\n\0\0 1", "it is not a profile; it holds binary data"),
-    ],
-)
+@pytest.mark.parametrize(("content", "message"), [
+    ("", "the file is empty"),
+    ("1 1\n1 1\n1 1\n", "fewer than two points"),
+    ("0 0\n0 1\n", "it lies on the axis"),
+    ("0 0\n1 1\n-0.5 2\n", "a radius is negative"),
+    ("0 0\n\nnan 1\n", "line 3: 'nan' is not finite"),
+    ("0 0\n1\n", "line 2: it has 1 word; a point needs 2 numbers"),
+    ("0 0\none two\n", "line 2: 'one' is not a number"),
+    (b"0 0\n\0\0 1", "it is not a profile; it holds binary data"),
+])  # fmt: skip
 def test_wrong_profiles_are_one_clear_line(written, content, message):
     path = written(content)
     with pytest.raises(FileFormatError) as caught:
@@ -54,18 +51,15 @@ def test_wrong_profiles_are_one_clear_line(written, content, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("profile", "message"),
-    [
-        ([], "of shape"),
-        ([(1, 1)], "fewer than two points"),
-        ([(0, 0), (0, 1)], "on the axis"),
-        ([(1, 0), (-1, 1)], "a radius is negative"),
-        ([(1, 0), (1, np.nan)], "not finite"),
-        ([(1, 0, 0), (1, 1, 0)], "of shape"),
-        ([("a", "b")], "not an array of numbers"),
-    ],
-)
+@pytest.mark.parametrize(("profile", "message"), [
+    ([], "of shape"),
+    ([(1, 1)], "fewer than two points"),
+    ([(0, 0), (0, 1)], "on the axis"),
+    ([(1, 0), (-1, 1)], "a radius is negative"),
+    ([(1, 0), (1, np.nan)], "not finite"),
+    ([(1, 0, 0), (1, 1, 0)], "of shape"),
+    ([("a", "b")], "not an array of numbers"),
+])  # fmt: skip
 def test_wrong_arrays_of_profiles(profile, message):
     with pytest.raises(OptionError, match=message):
         make("revolution", profile=profile)
@@ -112,17 +106,11 @@ def alone():
 @pytest.mark.parametrize(
     "text",
     [
-        shared(),
-        shared(", "),
-        shared(" "),
-        shared().replace("\n", " # of a pot\r\n"),
-        shared(",").replace("\n", ",\n"),
-        degrees(),
-        alone(),
-        "2\n" + alone(),
+        shared(), shared(", "), shared(" "), shared().replace("\n", " # of a pot\r\n"),
+        shared(",").replace("\n", ",\n"), degrees(), alone(), "2\n" + alone(),
         "# points\n\n" + alone(),
     ],
-)
+)  # fmt: skip
 def test_every_layout_gives_the_same_patches(written, text):
     np.testing.assert_array_equal(patches_of(written(text)), CONTROL)
 
@@ -134,31 +122,26 @@ def without(text, number):
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        ("", "the file is empty"),
-        ("# nothing\n", "it has no patches"),
-        (b"2\n\0\1\2", "it is not a patch file; it holds binary data"),
-        (
-            "It was a dark and stormy night.\n",
-            "line 1: 'It was a dark and stormy night.' is not a number of",
-        ),
-        ("0\n", "line 1: '0' is not a number of patches"),
-        ("2\n", "it ends before the number of points"),
-        (shared().replace(",16\n", "\n"), "line 2: it has 15 words; patch 1 needs 16 numbers"),
-        (shared().replace(",16\n", ",29\n"), "29 is not an index; there are points 1 to 28"),
-        (shared().replace("\n1,2,", "\n0,2,"), "0 is not an index"),
-        (shared().replace("\n1,2,", "\n1.5,2,"), "1.5 is not an index"),
-        (without(shared(), 4), "line 4: '0 0.125 0.25' is not a number of points"),
-        (without(shared(), 20), "it has 27 points, and should have 28"),
-        (shared().replace("0,0.125,0.25", "0,0.125"), "line 5: it has 2 words; a point needs 3"),
-        (without(degrees(), 10), "line 19: a patch begins with "),
-        (degrees().replace("3 3", "3 4", 1), "line 2: a patch begins with '3 4'"),
-        (without(alone(), 5), "it has 31 points; 2 patches should have 32"),
-        ("999999999999\n" + alone(), "it has 32 points; 999,999,999,999 patches should have"),
-    ],
-)
+@pytest.mark.parametrize(("content", "message"), [
+    ("", "the file is empty"),
+    ("# nothing\n", "it has no patches"),
+    (b"2\n\0\1\2", "it is not a patch file; it holds binary data"),
+    ("It was a dark and stormy night.\n",
+     "line 1: 'It was a dark and stormy night.' is not a number of"),
+    ("0\n", "line 1: '0' is not a number of patches"),
+    ("2\n", "it ends before the number of points"),
+    (shared().replace(",16\n", "\n"), "line 2: it has 15 words; patch 1 needs 16 numbers"),
+    (shared().replace(",16\n", ",29\n"), "29 is not an index; there are points 1 to 28"),
+    (shared().replace("\n1,2,", "\n0,2,"), "0 is not an index"),
+    (shared().replace("\n1,2,", "\n1.5,2,"), "1.5 is not an index"),
+    (without(shared(), 4), "line 4: '0 0.125 0.25' is not a number of points"),
+    (without(shared(), 20), "it has 27 points, and should have 28"),
+    (shared().replace("0,0.125,0.25", "0,0.125"), "line 5: it has 2 words; a point needs 3"),
+    (without(degrees(), 10), "line 19: a patch begins with "),
+    (degrees().replace("3 3", "3 4", 1), "line 2: a patch begins with '3 4'"),
+    (without(alone(), 5), "it has 31 points; 2 patches should have 32"),
+    ("999999999999\n" + alone(), "it has 32 points; 999,999,999,999 patches should have"),
+])  # fmt: skip
 def test_a_hole_is_one_clear_line(written, content, message):
     path = written(content)
     with pytest.raises(FileFormatError) as caught:

@@ -277,11 +277,9 @@ def test_a_polygon_that_a_seam_crosses_is_written_as_triangles(what, tmp_path):
     groups = mesh.face_groups.copy()
     groups[0] = 1
     changes = {
-        "uvs": {"uv_faces": faces},
-        "normals": {"normal_faces": faces},
-        "sets": {"uv_sets": {"light": UvSet(mesh.uvs, faces)}},
-        "groups": {"face_groups": groups},
-    }[what]
+        "uvs": {"uv_faces": faces}, "normals": {"normal_faces": faces},
+        "sets": {"uv_sets": {"light": UvSet(mesh.uvs, faces)}}, "groups": {"face_groups": groups},
+    }[what]  # fmt: skip
     mesh = mesh.replace(**changes)
     with pytest.warns(ReadWarning, match="1 polygon is written as triangles"):
         write_mesh(mesh, tmp_path / "prism.obj")

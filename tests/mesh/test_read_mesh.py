@@ -18,13 +18,10 @@ every_suffix = pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.fixture
 def square():
     return Mesh(
-        positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]],
-        faces=[[0, 1, 2], [0, 2, 3]],
-        uvs=[[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]],
-        uv_faces=[[0, 1, 2], [4, 2, 3]],
-        normals=[[0, 0, 1], [0, 1, 0]],
-        normal_faces=[[0, 0, 0], [1, 1, 1]],
-    )
+        positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]],
+        uvs=[[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], uv_faces=[[0, 1, 2], [4, 2, 3]],
+        normals=[[0, 0, 1], [0, 1, 0]], normal_faces=[[0, 0, 0], [1, 1, 1]],
+    )  # fmt: skip
 
 
 def error_of(path):
@@ -76,14 +73,12 @@ def floats(width):
 
 @settings(max_examples=200)
 @given(
-    st.sampled_from(OWN_SUFFIXES),
-    hnp.arrays(np.float64, (5, 3), elements=floats(64)),
+    st.sampled_from(OWN_SUFFIXES), hnp.arrays(np.float64, (5, 3), elements=floats(64)),
     hnp.arrays(np.float32, (5, 3), elements=floats(32)),
     hnp.arrays(np.float32, (5, 2), elements=st.floats(-2, 2, width=32)),
     hnp.arrays(np.int32, (3, 3), elements=st.integers(0, 4)),
-    st.sampled_from(["none", "uvs", "both", "seams"]),
-    st.booleans(),
-)
+    st.sampled_from(["none", "uvs", "both", "seams"]), st.booleans(),
+)  # fmt: skip
 def test_round_trips_keep_every_bit(
     tmp_path_factory, suffix, double, single, uvs, faces, has, is_single
 ):

@@ -49,25 +49,18 @@ def damage(tmp_path, monkeypatch):
     return put
 
 
-@pytest.mark.parametrize(
-    ("what", "said"),
-    [
-        ("ctypes.string_at(0)", r"the library that reads it stopped \(SIGSEGV\)"),
-        ("os.abort()", r"the library that reads it stopped \(SIGABRT\)"),
-        ("os._exit(3)", r"the library that reads it stopped \(exit code 3\)"),
-        ("os.kill(os.getpid(), signal.SIGKILL)", "the process that reads it was ended twice"),
-        ("bytearray(4 << 30)", "takes more memory than a file of its size may"),
-        ("os.write(3, b'abc'); os._exit(0)", r"reads it stopped \(exit code 0\)"),
-        (
-            "resource.setrlimit(resource.RLIMIT_CPU, (1, 9))\n        while True: pass",
-            "takes longer than a file of its size may",
-        ),
-        (
-            "signal.setitimer(signal.ITIMER_REAL, 0.1); signal.pause()",
-            "takes longer than a file of its size may",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("what", "said"), [
+    ("ctypes.string_at(0)", r"the library that reads it stopped \(SIGSEGV\)"),
+    ("os.abort()", r"the library that reads it stopped \(SIGABRT\)"),
+    ("os._exit(3)", r"the library that reads it stopped \(exit code 3\)"),
+    ("os.kill(os.getpid(), signal.SIGKILL)", "the process that reads it was ended twice"),
+    ("bytearray(4 << 30)", "takes more memory than a file of its size may"),
+    ("os.write(3, b'abc'); os._exit(0)", r"reads it stopped \(exit code 0\)"),
+    ("resource.setrlimit(resource.RLIMIT_CPU, (1, 9))\n        while True: pass",
+     "takes longer than a file of its size may"),
+    ("signal.setitimer(signal.ITIMER_REAL, 0.1); signal.pause()",
+     "takes longer than a file of its size may"),
+])  # fmt: skip
 def test_the_end_of_the_process_is_one_line(damage, what, said, capfd):
     path = damage(what)
     with pytest.raises(FileFormatError, match=said) as error:

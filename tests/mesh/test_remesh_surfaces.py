@@ -92,19 +92,14 @@ def bare(mesh):
 
 
 SHEETS = {
-    "plane": lambda: plane(3, 3),
-    "face mask": face_mask,
-    "range scan": range_scan,
-    "leaf": leaf,
+    "plane": lambda: plane(3, 3), "face mask": face_mask, "range scan": range_scan, "leaf": leaf,
     "leaves that cross": leaves,
     "cloth": lambda: heights(100, lambda x, y: 0.25 * np.sin(5 * x + 2 * np.sin(3 * y))),
     "terrain": lambda: heights(
-        100, lambda x, y: 0.2 * np.sin(3 * x) + 0.1 * np.sin(7 * y - x) + rough(x, 0.002)
+        100, lambda x, y: 0.2 * np.sin(3 * x) + 0.1 * np.sin(7 * y - x) + rough(x, 0.002),
     ),
-    "half a ball": lambda: part_of_ball(0.0),
-    "tube": tube,
-    "layers": layers,
-}
+    "half a ball": lambda: part_of_ball(0.0), "tube": tube, "layers": layers,
+}  # fmt: skip
 
 
 def part_of_ball(height, level=5):

@@ -130,15 +130,12 @@ def test_orange_has_pores_of_every_depth_and_no_jump():
     assert radii[0] == pytest.approx(radii[-1], abs=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: icosphere(-1), "must be at least 0"),
-        (lambda: orange(19), "must be at least 20"),
-        (lambda: icosphere(30), "must be at most 9"),
-        (lambda: orange(10**11), "must be at most 20,000,000"),
-    ],
-)
+@pytest.mark.parametrize(("make", "message"), [
+    (lambda: icosphere(-1), "must be at least 0"),
+    (lambda: orange(19), "must be at least 20"),
+    (lambda: icosphere(30), "must be at most 9"),
+    (lambda: orange(10**11), "must be at most 20,000,000"),
+])  # fmt: skip
 def test_counts_out_of_range_are_errors(make, message):
     with pytest.raises(OptionError, match=message):
         make()

@@ -97,14 +97,11 @@ def test_normals_and_colors_of_vertices(tmp_path):
     colors = np.float32(0.5 + 0.5 * ball.positions)
     write_mesh(
         Mesh(
-            positions=ball.positions * [1.0, 2.0, 0.5],
-            faces=ball.faces,
-            normals=normals,
-            normal_faces=ball.faces,
-            colors=colors,
+            positions=ball.positions * [1.0, 2.0, 0.5], faces=ball.faces, normals=normals,
+            normal_faces=ball.faces, colors=colors,
         ),
         tmp_path / "ball.ply",
-    )
+    )  # fmt: skip
     assert_same(tmp_path / "ball.ply")
 
 
@@ -115,14 +112,9 @@ def test_normals_and_colors_of_vertices(tmp_path):
 def test_forms_of_rows(tmp_path, order, number, count, more):
     ball = icosphere(2)
     path = write_polygons(
-        tmp_path / "ball.ply",
-        ball.positions,
-        ball.faces.tolist(),
-        order=order,
-        number=number,
-        count=count,
-        more=more,
-    )
+        tmp_path / "ball.ply", ball.positions, ball.faces.tolist(), order=order, number=number,
+        count=count, more=more,
+    )  # fmt: skip
     assert_same(path)
 
 

@@ -36,14 +36,10 @@ def reference_mesh(reference):
     sizes = reference.get("sizes", np.full(len(faces) // 3, 3))
     corners, polygons = triangulated("it", reference["positions"].astype(float), faces, sizes)
     mesh = Mesh(
-        positions=reference["positions"],
-        faces=faces[corners],
-        uvs=reference["uvs"].reshape(-1, 2),
-        uv_faces=corners,
-        normals=reference["normals"].reshape(-1, 3),
-        normal_faces=corners,
+        positions=reference["positions"], faces=faces[corners], uvs=reference["uvs"].reshape(-1, 2),
+        uv_faces=corners, normals=reference["normals"].reshape(-1, 3), normal_faces=corners,
         polygon_of=polygons,
-    )
+    )  # fmt: skip
     return mesh, corners
 
 
@@ -149,15 +145,12 @@ def test_degenerate_faces_have_the_tangents_of_the_reference(name):
     assert (corner_tangents(mesh) == expected).all()
 
 
-@pytest.mark.parametrize(
-    ("mesh", "sign"),
-    [
-        (square_mesh(np.zeros((4, 2)), positions=SQUARE[:, [2, 0, 1]]), 1),  # normals along x
-        # The normal lies along the direction of u: nothing of it is left in the normal's plane.
-        (with_one_normal([1, 0, 0], UVS), 1),
-        (with_one_normal([1, 0, 0], UVS * [1, -1]), -1),
-    ],
-)
+@pytest.mark.parametrize(("mesh", "sign"), [
+    (square_mesh(np.zeros((4, 2)), positions=SQUARE[:, [2, 0, 1]]), 1),  # normals along x
+    # The normal lies along the direction of u: nothing of it is left in the normal's plane.
+    (with_one_normal([1, 0, 0], UVS), 1),
+    (with_one_normal([1, 0, 0], UVS * [1, -1]), -1),
+])  # fmt: skip
 def test_without_a_direction_tangents_are_perpendicular_to_the_normal(mesh, sign):
     tangents = corner_tangents(mesh)
     assert (tangents[..., 0] == 0).all()

@@ -278,15 +278,12 @@ def test_indices_of_collada_that_are_out_of_range_are_refused(index, tmp_path):
         texbake.read_mesh(path)
 
 
-@pytest.mark.parametrize(
-    ("suffix", "module", "package"),
-    [
-        (".dae", "collada", "pycollada"),
-        (".dae", "trimesh", "trimesh"),
-        (".3mf", "networkx", "networkx"),
-        (".xaml", "lxml", "lxml"),
-    ],
-)
+@pytest.mark.parametrize(("suffix", "module", "package"), [
+    (".dae", "collada", "pycollada"),
+    (".dae", "trimesh", "trimesh"),
+    (".3mf", "networkx", "networkx"),
+    (".xaml", "lxml", "lxml"),
+])  # fmt: skip
 def test_a_missing_library_is_named(tmp_path, monkeypatch, suffix, module, package):
     (tmp_path / f"a{suffix}").write_text("<a/>")
     monkeypatch.setitem(sys.modules, module, None)

@@ -141,16 +141,13 @@ def test_left_handed_faces_are_turned(stage_file):
     np.testing.assert_array_equal(left.faces, right.faces[:, ::-1])
 
 
-@pytest.mark.parametrize(
-    ("body", "expected"),
-    [
-        ("vertex", "point"),
-        ("varying", "point"),
-        ("faceVarying", "corner"),
-        ("uniform", "polygon"),
-        ("constant", "zero"),
-    ],
-)
+@pytest.mark.parametrize(("body", "expected"), [
+    ("vertex", "point"),
+    ("varying", "point"),
+    ("faceVarying", "corner"),
+    ("uniform", "polygon"),
+    ("constant", "zero"),
+])  # fmt: skip
 def test_every_interpolation_reaches_the_corners(stage_file, body, expected):
     counts = {"point": 6, "corner": 8, "polygon": 2, "zero": 1}
     values = [(i / 8, 1 - i / 8) for i in range(counts[expected])]

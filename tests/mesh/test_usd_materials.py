@@ -93,18 +93,13 @@ def test_values_and_defaults_of_the_specification(read):
     assert found.face_materials.tolist() == [0] * 4
     (material,) = found.materials
     assert (material.name, material.alpha_mode, material.is_double_sided) == (
-        "skin",
-        "opaque",
-        True,
-    )
+        "skin", "opaque", True,
+    )  # fmt: skip
     assert {name: source.factor for name, source in material.channels.items()} == {
-        "base-color": pytest.approx((0.18, 0.18, 0.18)),
-        "metallic": (0.0,),
-        "roughness": (0.25,),
-        "emissive": (0.5, 0.0, 2.0),
-        "clearcoat": (0.5,),
+        "base-color": pytest.approx((0.18, 0.18, 0.18)), "metallic": (0.0,), "roughness": (0.25,),
+        "emissive": (0.5, 0.0, 2.0), "clearcoat": (0.5,),
         "clearcoat-roughness": pytest.approx((0.01,)),
-    }
+    }  # fmt: skip
     assert found.missing == ()
 
 
@@ -134,15 +129,12 @@ def test_images_with_their_channels_wraps_and_scales(read, tmp_path):
     assert material.alpha_mode == "blend"
 
 
-@pytest.mark.parametrize(
-    ("scale", "bias", "factor"),
-    [
-        ((2, 2, 2, 1), (-1, -1, -1, 0), (1.0, 1.0, 1.0)),
-        ((2, -2, 2, 1), (-1, 1, -1, 0), (1.0, -1.0, 1.0)),  # y downwards
-        ((1, 1, 2, 1), (-0.5, -0.5, -1, 0), (0.5, 0.5, 1.0)),
-        ((1, 1, 1, 1), (0, 0, 0, 0), (1.0, 1.0, 1.0)),  # forgotten
-    ],
-)
+@pytest.mark.parametrize(("scale", "bias", "factor"), [
+    ((2, 2, 2, 1), (-1, -1, -1, 0), (1.0, 1.0, 1.0)),
+    ((2, -2, 2, 1), (-1, 1, -1, 0), (1.0, -1.0, 1.0)),  # y downwards
+    ((1, 1, 2, 1), (-0.5, -0.5, -1, 0), (0.5, 0.5, 1.0)),
+    ((1, 1, 1, 1), (0, 0, 0, 0), (1.0, 1.0, 1.0)),  # forgotten
+])  # fmt: skip
 def test_the_coding_of_normals_is_undone_once(read, scale, bias, factor):
     image = f"float4 inputs:scale = {scale}\nfloat4 inputs:bias = {bias}"
     source = read(f"normal3f inputs:normal.connect = {RGB}", image).sources("normal")[0]
@@ -163,25 +155,20 @@ def test_coordinates_are_moved_as_blender_does(read):
     found = read(f"color3f inputs:diffuseColor.connect = {RGB}", places="moved")
     placing = np.array(found.sources("base-color")[0].image.placing)
     looked_up = {
-        (0.390625, 0.265625): (0.470712, 0.465883),
-        (0.171875, 0.640625): (0.546566, 0.725788),
-        (0.890625, 0.890625): (0.555354, 0.157135),
-        (0.953125, 0.109375): (0.741629, 0.263348),
-    }
+        (0.390625, 0.265625): (0.470712, 0.465883), (0.171875, 0.640625): (0.546566, 0.725788),
+        (0.890625, 0.890625): (0.555354, 0.157135), (0.953125, 0.109375): (0.741629, 0.263348),
+    }  # fmt: skip
     for (u, v), expected in looked_up.items():
         x, y = placing @ [u, v, 1.0] % 1.0
         np.testing.assert_allclose([x, y], expected, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("changes", "note"),
-    [
-        ({"file": "none.png"}, "its image 'none.png' is missing"),
-        ({"file": "folder"}, "its image 'folder' is missing"),
-        ({"primvar": "light"}, "its image lies on 'light'"),
-        ({"image": "float4 inputs:bias = (0.5, 0, 0, 0)"}, "what is added to the image"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "note"), [
+    ({"file": "none.png"}, "its image 'none.png' is missing"),
+    ({"file": "folder"}, "its image 'folder' is missing"),
+    ({"primvar": "light"}, "its image lies on 'light'"),
+    ({"image": "float4 inputs:bias = (0.5, 0, 0, 0)"}, "what is added to the image"),
+])  # fmt: skip
 def test_what_is_left_out_is_noted(read, tmp_path, changes, note):
     (tmp_path / "folder").mkdir()
     found = read(f"color3f inputs:diffuseColor.connect = {RGB}", **changes)

@@ -143,14 +143,10 @@ def test_unwrap_adds_a_set_and_leaves_the_first(tmp_path):
     run = CliRunner().invoke(
         texbake,
         [
-            "unwrap",
-            str(tmp_path / "in.obj"),
-            "--uv-set",
-            "lightmap",
-            "-o",
+            "unwrap", str(tmp_path / "in.obj"), "--uv-set", "lightmap", "-o",
             str(tmp_path / "out.obj"),
         ],
-    )
+    )  # fmt: skip
     assert run.exit_code == 0, run.output
     read = read_mesh(tmp_path / "out.obj")
     np.testing.assert_array_equal(read.corner_uvs(), sphere.corner_uvs())

@@ -21,25 +21,18 @@ from texbake.mesh.files import MESH_SUFFIXES, read_mesh, write_mesh
 from texbake.mesh.mesh import Mesh
 
 MESH = Mesh(
-    positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]],
-    faces=[[0, 1, 2], [0, 2, 3]],
-    uvs=[[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]],
-    uv_faces=[[0, 1, 2], [4, 2, 3]],
-    normals=[[0, 0, 1], [0, 1, 0]],
-    normal_faces=[[0, 0, 0], [1, 1, 1]],
-)
+    positions=[[0, 0, 0], [1, 0, 0], [1, 1, 0.5], [0, 1, 0]], faces=[[0, 1, 2], [0, 2, 3]],
+    uvs=[[0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5]], uv_faces=[[0, 1, 2], [4, 2, 3]],
+    normals=[[0, 0, 1], [0, 1, 0]], normal_faces=[[0, 0, 0], [1, 1, 1]],
+)  # fmt: skip
 CONTENTS = {
     "nothing": b"",
     "a picture": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + random.Random(0).randbytes(4000),
-    "a letter": b"Dear reader,\nfind attached the mesh.\n",
-    "zeros": bytes(300),
-    "ones": b"\xff" * 300,
-    "the head of GLB": b"glTF" + bytes(60),
-    "the head of ZIP": b"PK\x03\x04",
-    "the head of FBX": b"Kaydara FBX Binary  \0\x1a\0",
-    "JSON": b'{"asset": 3}',
+    "a letter": b"Dear reader,\nfind attached the mesh.\n", "zeros": bytes(300),
+    "ones": b"\xff" * 300, "the head of GLB": b"glTF" + bytes(60), "the head of ZIP": b"PK\x03\x04",
+    "the head of FBX": b"Kaydara FBX Binary  \0\x1a\0", "JSON": b'{"asset": 3}',
     "XML": b"<COLLADA/>",
-}
+}  # fmt: skip
 
 
 def text_gltf(folder):

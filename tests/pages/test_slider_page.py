@@ -19,14 +19,10 @@ def page(tmp_path_factory):
     """Three views, of which the second is the worst: red before, blue after."""
     path = tmp_path_factory.mktemp("page") / "slider.html"
     comparison = ModelComparison(
-        psnr_db=(30.0, 8.5, math.inf),
-        mean_db=12.25,
-        views=((0.0, 0.0), (120.0, 10.0), (240.0, -10.0)),
-        before=(RED, RED, WHITE),
-        after=(BLUE, BLUE, WHITE),
-        names=("<before>.glb", "after.glb"),
-        n_faces=(1000, 100),
-    )
+        psnr_db=(30.0, 8.5, math.inf), mean_db=12.25,
+        views=((0.0, 0.0), (120.0, 10.0), (240.0, -10.0)), before=(RED, RED, WHITE),
+        after=(BLUE, BLUE, WHITE), names=("<before>.glb", "after.glb"), n_faces=(1000, 100),
+    )  # fmt: skip
     write_slider_page(
         path, comparison, n_bytes=(5_000_000, 400_000), figures=[("materials", "3 to 1")],
         warnings=["an image is missing"], command="texbake lighten 'a b.glb' -o after.glb",

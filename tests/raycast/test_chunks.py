@@ -24,11 +24,8 @@ def layered():
     """A bumpy sphere, some of its faces twice, some turned round, and another sphere through it."""
     ball = uv_sphere(60, 90, lambda theta, phi: 1 + 0.03 * np.sin(11 * theta) * np.sin(9 * phi))
     faces = [
-        ball.faces,
-        ball.faces[:1500, ::-1],
-        ball.faces + ball.n_vertices,
-        ball.faces[900:2400],
-    ]
+        ball.faces, ball.faces[:1500, ::-1], ball.faces + ball.n_vertices, ball.faces[900:2400],
+    ]  # fmt: skip
     other = ball.positions * 1.0001 + np.array([0.004, 0.0, 0.0])
     return Mesh(positions=np.vstack([ball.positions, other]), faces=np.vstack(faces))
 

@@ -35,12 +35,9 @@ def steps():
 
 
 MESHES = {
-    "soup": lambda: soup(600),
-    "one triangle": lambda: soup(1),
-    "steps": steps,
-    "ball": lambda: icosphere(4),
-    "poles": lambda: uv_sphere(12, 100),
-}
+    "soup": lambda: soup(600), "one triangle": lambda: soup(1), "steps": steps,
+    "ball": lambda: icosphere(4), "poles": lambda: uv_sphere(12, 100),
+}  # fmt: skip
 
 
 def single_rays(mesh, n, *, seed=1):

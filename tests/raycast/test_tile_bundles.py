@@ -118,11 +118,9 @@ def test_back_faces_are_passed_through_and_reported(caster):
     center = np.zeros((50, 3))
     directions = np.random.default_rng(1).normal(size=(50, 3))
     inside = Rays(
-        center,
-        directions / np.linalg.norm(directions, axis=1, keepdims=True),
-        np.full(50, 4.0),
+        center, directions / np.linalg.norm(directions, axis=1, keepdims=True), np.full(50, 4.0),
         np.zeros(50),
-    )
+    )  # fmt: skip
     culled = caster(high, frame).cast(inside)
     assert (culled.faces == NO_HIT).all()
     assert culled.passed_back.all()

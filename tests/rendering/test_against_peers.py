@@ -106,29 +106,18 @@ def write_job(case, path, *, exact_levels):
     arrays = {
         "positions": mesh.positions[mesh.faces].reshape(-1, 3),
         "faces": np.arange(3 * mesh.n_faces).reshape(-1, 3),
-        "normals": normals[normal_faces].reshape(-1, 3),
-        "uvs": mesh.corner_uvs().reshape(-1, 2),
-        "clip_from_world": camera.clip_from_world(WIDTH / HEIGHT),
-        "eye": camera.eye,
-        "axes": camera.axes,
-        "base_map": case.base_map,
-        "normal_map": case.normal_map,
-    }
+        "normals": normals[normal_faces].reshape(-1, 3), "uvs": mesh.corner_uvs().reshape(-1, 2),
+        "clip_from_world": camera.clip_from_world(WIDTH / HEIGHT), "eye": camera.eye,
+        "axes": camera.axes, "base_map": case.base_map, "normal_map": case.normal_map,
+    }  # fmt: skip
     if case.normal_map is not None:
         arrays["tangents"] = corner_tangents(mesh).reshape(-1, 4)
     np.savez(
-        path,
-        **{name: values for name, values in arrays.items() if values is not None},
-        width=WIDTH,
-        height=HEIGHT,
-        shading=case.shading,
-        filter=case.filter,
-        base_color=case.base_color,
-        to_light=TO_LIGHT,
-        light=LIGHT,
-        ambient=AMBIENT,
+        path, **{name: values for name, values in arrays.items() if values is not None},
+        width=WIDTH, height=HEIGHT, shading=case.shading, filter=case.filter,
+        base_color=case.base_color, to_light=TO_LIGHT, light=LIGHT, ambient=AMBIENT,
         exact_levels=exact_levels,
-    )
+    )  # fmt: skip
 
 
 def drawn_by_peer(peer, cases, folder, *, exact_levels=False):

@@ -62,11 +62,9 @@ def test_a_light_map_is_scattered_by_the_dull_part(wall, metalness):
     rng = np.random.default_rng(1)
     texels = rng.random((5, 7, 3)).astype(np.float32)
     material = Material(
-        shading="lambert" if metalness is None else "metallic-roughness",
-        base_color=tuple(BASE),
-        metalness=metalness or 0.0,
-        light_map=ImageTexture(image=texels, filter="nearest"),
-    )
+        shading="lambert" if metalness is None else "metallic-roughness", base_color=tuple(BASE),
+        metalness=metalness or 0.0, light_map=ImageTexture(image=texels, filter="nearest"),
+    )  # fmt: skip
     found = wall.light(material)
     columns = np.floor(wall.uvs[..., 0] * 7).astype(int)
     rows = np.floor((1 - wall.uvs[..., 1]) * 5).astype(int)
@@ -77,13 +75,9 @@ def test_a_light_map_is_scattered_by_the_dull_part(wall, metalness):
 @pytest.mark.parametrize("strength", [1.0, 0.5, 0.0])
 def test_an_occlusion_map_holds_back_light_from_everywhere_alone(wall, strength):
     material = Material(
-        shading="lambert",
-        base_color=tuple(BASE),
-        occlusion=0.3,
-        occlusion_strength=strength,
-        emission=(0.1, 0.1, 0.1),
-        light_map=0.5,
-    )
+        shading="lambert", base_color=tuple(BASE), occlusion=0.3, occlusion_strength=strength,
+        emission=(0.1, 0.1, 0.1), light_map=0.5,
+    )  # fmt: skip
     found = wall.light(material, Lighting(ambient=Ambient(color=tuple(SKY))))
     share = 1 + strength * (0.3 - 1)
     np.testing.assert_allclose(found, everywhere(BASE * (share * SKY + 0.5) + 0.1), **CLOSE)

@@ -135,27 +135,24 @@ def test_degenerate_meshes_under_every_material_and_light():
         assert finite_picture(scene, options=options).coverage.max() > 0.0
 
 
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda bad: Material(base_color=(bad, 0.0, 0.0)),
-        lambda bad: Material(roughness=bad),
-        lambda bad: Material(shading="blinn-phong", exponent=bad),
-        lambda bad: Material(opacity=bad),
-        lambda bad: Material(emission=(0.0, bad, 0.0)),
-        lambda bad: Reflection(strength=bad),
-        lambda bad: Refraction(ior=bad),
-        lambda bad: NormalMap(texture=ImageTexture(image=TEXELS), strength=bad),
-        lambda bad: ImageTexture(image=TEXELS, factor=bad),
-        lambda bad: ImageTexture(image=TEXELS, scale=(1.0, bad)),
-        lambda bad: ProcedureTexture(procedure="noise", scale=bad),
-        lambda bad: ProcedureTexture(procedure="noise", colors=((bad, 0.0, 0.0),)),
-        lambda bad: Ambient(color=(bad, 0.0, 0.0)),
-        lambda bad: Ambient(ground=(bad, 0.0, 0.0)),
-        lambda bad: Environment(color=(0.0, 0.0, bad)),
-        lambda bad: Fog(color=(0.0, bad, 0.0)),
-    ],
-)
+@pytest.mark.parametrize("make", [
+    lambda bad: Material(base_color=(bad, 0.0, 0.0)),
+    lambda bad: Material(roughness=bad),
+    lambda bad: Material(shading="blinn-phong", exponent=bad),
+    lambda bad: Material(opacity=bad),
+    lambda bad: Material(emission=(0.0, bad, 0.0)),
+    lambda bad: Reflection(strength=bad),
+    lambda bad: Refraction(ior=bad),
+    lambda bad: NormalMap(texture=ImageTexture(image=TEXELS), strength=bad),
+    lambda bad: ImageTexture(image=TEXELS, factor=bad),
+    lambda bad: ImageTexture(image=TEXELS, scale=(1.0, bad)),
+    lambda bad: ProcedureTexture(procedure="noise", scale=bad),
+    lambda bad: ProcedureTexture(procedure="noise", colors=((bad, 0.0, 0.0),)),
+    lambda bad: Ambient(color=(bad, 0.0, 0.0)),
+    lambda bad: Ambient(ground=(bad, 0.0, 0.0)),
+    lambda bad: Environment(color=(0.0, 0.0, bad)),
+    lambda bad: Fog(color=(0.0, bad, 0.0)),
+])  # fmt: skip
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_numbers_that_are_not_finite_are_refused_where_they_enter(make, bad):
     with pytest.raises(OptionError):

@@ -182,17 +182,12 @@ def test_environment_and_lamps_add_up(wall):
 BASE, GRAY = np.array((0.9, 0.4, 0.1)), np.array((0.3, 0.5, 0.6))
 
 
-@pytest.mark.parametrize(
-    ("fog", "left"),
-    [
-        (Fog(color=tuple(GRAY), mode="exp", density=0.3), lambda d: np.exp(-0.3 * d)),
-        (Fog(color=tuple(GRAY), mode="exp2", density=0.3), lambda d: np.exp(-((0.3 * d) ** 2))),
-        (
-            Fog(color=tuple(GRAY), mode="linear", start=2.2, end=3.0),
-            lambda d: np.clip((3.0 - d) / 0.8, 0, 1),
-        ),
-    ],
-)
+@pytest.mark.parametrize(("fog", "left"), [
+    (Fog(color=tuple(GRAY), mode="exp", density=0.3), lambda d: np.exp(-0.3 * d)),
+    (Fog(color=tuple(GRAY), mode="exp2", density=0.3), lambda d: np.exp(-((0.3 * d) ** 2))),
+    (Fog(color=tuple(GRAY), mode="linear", start=2.2, end=3.0),
+     lambda d: np.clip((3.0 - d) / 0.8, 0, 1)),
+])  # fmt: skip
 def test_light_fades_with_the_distance_from_the_eye(wall, fog, left):
     found = wall.light(Material(shading="unlit", base_color=tuple(BASE)), Lighting(fog=fog))
     share = left(wall.distances)[..., None]

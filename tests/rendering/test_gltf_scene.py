@@ -141,16 +141,13 @@ def test_unlit_reads_nothing_but_the_base_color(asset, tmp_path, pixels):
     assert (made.normal_map, made.roughness) == (None, 0.5)
 
 
-@pytest.mark.parametrize(
-    ("sampler", "name"),
-    [
-        (None, "trilinear"),
-        ({}, "trilinear"),
-        ({"magFilter": 9728, "minFilter": 9987}, "nearest"),
-        ({"magFilter": 9729, "minFilter": 9729}, "bilinear"),
-        ({"magFilter": 9729, "minFilter": 9986}, "trilinear"),
-    ],
-)
+@pytest.mark.parametrize(("sampler", "name"), [
+    (None, "trilinear"),
+    ({}, "trilinear"),
+    ({"magFilter": 9728, "minFilter": 9987}, "nearest"),
+    ({"magFilter": 9729, "minFilter": 9729}, "bilinear"),
+    ({"magFilter": 9729, "minFilter": 9986}, "trilinear"),
+])  # fmt: skip
 def test_filters(asset, tmp_path, pixels, sampler, name):
     asset.material(pbrMetallicRoughness={"baseColorTexture": asset.texture(pixels, sampler)})
     assert only_material(asset, tmp_path).base_color.filter == name
@@ -290,16 +287,13 @@ def test_what_a_node_holds_stands_where_its_ancestors_put_it(asset, tmp_path, se
     assert (camera.near, camera.fov) == (0.5, pytest.approx(1.0))
 
 
-@pytest.mark.parametrize(
-    ("cone", "wanted"),
-    [
-        ({}, (90.0, 1.0)),
-        ({"outerConeAngle": math.pi / 2}, (179.9, 1.0)),
-        ({"innerConeAngle": 0.3, "outerConeAngle": 0.3}, "a cone from 0.3 to 0.3 radians"),
-        ({"outerConeAngle": 1.6}, "a cone from 0 to 1.6 radians"),
-        ({"innerConeAngle": -0.1}, "'innerConeAngle' is -0.1, which is not a"),
-    ],
-)
+@pytest.mark.parametrize(("cone", "wanted"), [
+    ({}, (90.0, 1.0)),
+    ({"outerConeAngle": math.pi / 2}, (179.9, 1.0)),
+    ({"innerConeAngle": 0.3, "outerConeAngle": 0.3}, "a cone from 0.3 to 0.3 radians"),
+    ({"outerConeAngle": 1.6}, "a cone from 0 to 1.6 radians"),
+    ({"innerConeAngle": -0.1}, "'innerConeAngle' is -0.1, which is not a"),
+])  # fmt: skip
 def test_cones_are_those_of_the_extension(asset, tmp_path, cone, wanted):
     """By default from the axis to 45 degrees; the outer angle is at most a right angle."""
     lights = [{"type": "spot", "color": [-1, 2, 0], "spot": cone}]
@@ -314,16 +308,13 @@ def test_cones_are_those_of_the_extension(asset, tmp_path, cone, wanted):
     assert lamp.color == (0.0, 2.0, 0.0) and lamp.intensity == pytest.approx(1 / math.pi)
 
 
-@pytest.mark.parametrize(
-    ("node", "content", "message"),
-    [
-        ({"light": 1}, {"type": "point"}, "it has no light 1"),
-        ({"light": 0}, {"type": "area"}, "the light type 'area' is not known"),
-        ({"camera": 0}, {"yfov": 0.0, "znear": 1}, "has no field of view, or no near plane"),
-        ({"camera": 0}, {"yfov": 1.0, "znear": 0}, "has no field of view, or no near plane"),
-        ({"camera": 0, "scale": [0, 0, 0]}, {"yfov": 1.0, "znear": 1}, "is scaled to nothing"),
-    ],
-)
+@pytest.mark.parametrize(("node", "content", "message"), [
+    ({"light": 1}, {"type": "point"}, "it has no light 1"),
+    ({"light": 0}, {"type": "area"}, "the light type 'area' is not known"),
+    ({"camera": 0}, {"yfov": 0.0, "znear": 1}, "has no field of view, or no near plane"),
+    ({"camera": 0}, {"yfov": 1.0, "znear": 0}, "has no field of view, or no near plane"),
+    ({"camera": 0, "scale": [0, 0, 0]}, {"yfov": 1.0, "znear": 1}, "is scaled to nothing"),
+])  # fmt: skip
 def test_lights_and_cameras_that_cannot_be(asset, tmp_path, node, content, message):
     if "camera" in node:
         asset.json["cameras"] = [{"type": "perspective", "perspective": content}]

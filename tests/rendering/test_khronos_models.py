@@ -28,11 +28,9 @@ def drawn(scene, center, side, size):
     """(size, size, 3) sRGB: a square of a model around a point, seen from far along z."""
     x, y, z = center
     view = CameraView(
-        position=(x, y, z + FAR * side),
-        target=tuple(center),
-        up=(0, 1, 0),
+        position=(x, y, z + FAR * side), target=tuple(center), up=(0, 1, 0),
         fov=2.0 * math.degrees(math.atan(0.5 / FAR)),
-    )
+    )  # fmt: skip
     options = RenderOptions(width=size, height=size, supersampling=2)
     frame = render_scene(replace(scene, view=view, lighting=LIGHT), options)
     return np.clip(frame.color[..., :3], 0.0, 1.0) ** (1 / 2.2)
@@ -68,13 +66,10 @@ def test_arrows_point_at_their_targets(data_dir):
         assert gap < 0.05  # of a cube of 10
 
 
-@pytest.mark.parametrize(
-    ("name", "lefts", "steps"),
-    [
-        ("NormalTangentTest", (-1.11, -0.31, 0.49), (0.32,)),
-        ("NormalTangentMirrorTest", (-1.425, 0.15), (0.32, 0.645, 0.97)),
-    ],
-)
+@pytest.mark.parametrize(("name", "lefts", "steps"), [
+    ("NormalTangentTest", (-1.11, -0.31, 0.49), (0.32,)),
+    ("NormalTangentMirrorTest", (-1.425, 0.15), (0.32, 0.645, 0.97)),
+])  # fmt: skip
 def test_normal_maps_look_like_the_geometry_beside_them(data_dir, name, lefts, steps):
     scene = read_scene(data_dir / f"gltf/{name}.glb")
     center, side = (0.0, -0.12, 0.0), 3.0

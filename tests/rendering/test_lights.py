@@ -63,12 +63,9 @@ def test_a_light_that_follows_the_camera_is_the_same_from_everywhere(wall):
     axes = wall.camera.axes
     for kind in "directional", "spot", "point":
         follows = Light(
-            kind=kind,
-            position=(0.1, 0.2, 0.3),
-            direction=(0.2, -0.1, -1.0),
-            angle=60.0,
+            kind=kind, position=(0.1, 0.2, 0.3), direction=(0.2, -0.1, -1.0), angle=60.0,
             follows_camera=True,
-        )
+        )  # fmt: skip
         stands = fix_in_world(follows, wall.camera)
         np.testing.assert_allclose(
             stands.position, wall.camera.eye + axes.T @ (0.1, 0.2, 0.3), rtol=1e-12

@@ -123,11 +123,9 @@ def test_total_reflection_from_inside():
 
 def ball(position, color, size=0.4):
     return SceneObject(
-        mesh=uv_sphere(16, 32),
-        material=flat(color),
-        transform=transform_matrix(translate=position, scale=size),
-        name=f"ball {color}",
-    )
+        mesh=uv_sphere(16, 32), material=flat(color),
+        transform=transform_matrix(translate=position, scale=size), name=f"ball {color}",
+    )  # fmt: skip
 
 
 def rendered_mirror(mesh, **fields):
@@ -180,11 +178,9 @@ def facing_mirrors(bounces):
     """Two mirrors face each other; a red lamp stands on the rim of one of them."""
     glow = 0.5
     tinted = Material(
-        shading="unlit",
-        base_color=(0.0,) * 3,
-        emission=(glow, 0.0, 0.0),
+        shading="unlit", base_color=(0.0,) * 3, emission=(glow, 0.0, 0.0),
         reflection=Reflection(strength=0.5, environment="rendered", size=16),
-    )
+    )  # fmt: skip
     back = SceneObject(
         mesh=plane(), material=tinted, name="back",
         transform=transform_matrix(translate=(-0.5, -0.5, 0.0)),

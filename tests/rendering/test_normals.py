@@ -51,17 +51,14 @@ def test_strength_scales_x_and_y_of_a_normal_map(wall, strength):
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("scale", "rotate", "expected"),
-    [
-        ((1.0, 1.0), 0.0, (0.36, 0.48, 0.8)),
-        ((3.0, 3.0), 0.0, (0.36, 0.48, 0.8)),
-        # Coordinates turned counterclockwise turn the image, and its relief, clockwise.
-        ((1.0, 1.0), 90.0, (0.48, -0.36, 0.8)),
-        ((2.0, 2.0), 180.0, (-0.36, -0.48, 0.8)),
-        ((-1.0, 1.0), 0.0, (-0.36, 0.48, 0.8)),
-    ],
-)
+@pytest.mark.parametrize(("scale", "rotate", "expected"), [
+    ((1.0, 1.0), 0.0, (0.36, 0.48, 0.8)),
+    ((3.0, 3.0), 0.0, (0.36, 0.48, 0.8)),
+    # Coordinates turned counterclockwise turn the image, and its relief, clockwise.
+    ((1.0, 1.0), 90.0, (0.48, -0.36, 0.8)),
+    ((2.0, 2.0), 180.0, (-0.36, -0.48, 0.8)),
+    ((-1.0, 1.0), 0.0, (-0.36, 0.48, 0.8)),
+])  # fmt: skip
 def test_relief_turns_with_the_image(wall, scale, rotate, expected):
     texel = np.array((0.36, 0.48, 0.8), np.float32)
     image = ImageTexture(

@@ -25,12 +25,10 @@ def moved_to(wall, holder, **fields):
     """(16, 24, 2): texture coordinates after parallax, and the fragments' other arrays."""
     kept = []
     probe = Effect(
-        name="probe",
-        does="looks",
+        name="probe", does="looks",
         activations=lambda request: [Activation(0, "the test", "it looks")],
-        left_out="nothing is shaded",
-        shade=lambda fragments, picture: kept.append(fragments),
-    )
+        left_out="nothing is shaded", shade=lambda fragments, picture: kept.append(fragments),
+    )  # fmt: skip
     wall.frame(Material(shading="unlit", parallax=holder), effects=(*EFFECTS, probe), **fields)
     uvs = np.empty((16 * 24, 2))
     for fragments in kept:

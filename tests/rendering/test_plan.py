@@ -391,25 +391,20 @@ def watching(scene_effects=EFFECTS):
     """All effects, plus one at the end that records the shaded fragments."""
     kept = []
     probe = Effect(
-        name="probe",
-        does="looks",
+        name="probe", does="looks",
         activations=lambda request: [Activation(i, "the test", "it looks") for i in request.shaded],
-        left_out="nothing is shaded",
-        shade=lambda fragments, picture: kept.append(fragments),
-    )
+        left_out="nothing is shaded", shade=lambda fragments, picture: kept.append(fragments),
+    )  # fmt: skip
     return (*scene_effects, probe), kept
 
 
-@pytest.mark.parametrize(
-    ("texture", "wanted"),
-    [
-        (ProcedureTexture(procedure="checker"), True),
-        (ProcedureTexture(procedure="checker", filtered=False), False),
-        (picture(filter="trilinear"), True),
-        (picture(filter="nearest"), False),
-        ((0.1, 0.2, 0.3), False),
-    ],
-)
+@pytest.mark.parametrize(("texture", "wanted"), [
+    (ProcedureTexture(procedure="checker"), True),
+    (ProcedureTexture(procedure="checker", filtered=False), False),
+    (picture(filter="trilinear"), True),
+    (picture(filter="nearest"), False),
+    ((0.1, 0.2, 0.3), False),
+])  # fmt: skip
 def test_derivatives_are_found_only_for_what_is_filtered_over_the_pixel(texture, wanted):
     effects, kept = watching()
     frame = drawn(scene(unlit(base_color=texture)), SMALL, effects)
@@ -481,13 +476,9 @@ def test_each_call_names_who_asks_and_each_need_for_what():
 
 def fake(name, *, calls=(), needs=(), of="object"):
     return Effect(
-        name=name,
-        does=name,
-        of=of,
-        activations=lambda request: list(calls),
-        left_out=f"no {name}",
+        name=name, does=name, of=of, activations=lambda request: list(calls), left_out=f"no {name}",
         needs=needs,
-    )
+    )  # fmt: skip
 
 
 def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
@@ -498,11 +489,9 @@ def test_needs_are_followed_through_and_lists_out_of_order_are_defects():
         Rejection("is too late", "c"),
     ]
     effects = [
-        fake("sky", of="picture"),
-        fake("ground", needs=("sky",)),
-        fake("idle", needs=("ground",)),
+        fake("sky", of="picture"), fake("ground", needs=("sky",)), fake("idle", needs=("ground",)),
         fake("tree", calls=asks, needs=("ground",)),
-    ]
+    ]  # fmt: skip
     plan = compile_plan(request, effects)
     assert [(item.name, item.targets) for item in plan.passes] == [
         ("sky", (None,)), ("ground", (0, 1)), ("tree", (0, 1)),

@@ -59,14 +59,9 @@ def owned(points, width, height):
 
 def flat_visibility(points, faces, width, height, **options):
     return drawn(
-        from_grid(points, width, height),
-        np.asarray(faces, np.int32),
-        FLAT,
-        width,
-        height,
-        back_faces="show",
-        **options,
-    )
+        from_grid(points, width, height), np.asarray(faces, np.int32), FLAT, width, height,
+        back_faces="show", **options,
+    )  # fmt: skip
 
 
 # Half sample steps, so that many corners and edges run through samples; off the screen too; wide
@@ -377,16 +372,13 @@ def test_a_triangle_through_the_eye_is_cut_at_the_near_plane():
     assert camera.near <= depths.min() < 1.2 * camera.near
 
 
-@pytest.mark.parametrize(
-    "triangle",
-    [
-        [[-1, -1, 1], [1, -1, 1], [0, 1, 1]],  # behind
-        [[-1, -1, 0], [1, -1, 0], [0, 1, 0]],  # in the plane of the eye
-        [[-1, -1, -0.05], [1, -1, -0.05], [0, 1, -0.05]],  # before the near plane
-        [[1e9, 0, -1], [1e9, 1, -1], [1e9, 0, -2]],  # beside
-        [[1e308, 0, -1e308], [0, 1e308, -1e308], [-1e308, 0, 1e308]],  # beyond float64
-    ],
-)
+@pytest.mark.parametrize("triangle", [
+    [[-1, -1, 1], [1, -1, 1], [0, 1, 1]],  # behind
+    [[-1, -1, 0], [1, -1, 0], [0, 1, 0]],  # in the plane of the eye
+    [[-1, -1, -0.05], [1, -1, -0.05], [0, 1, -0.05]],  # before the near plane
+    [[1e9, 0, -1], [1e9, 1, -1], [1e9, 0, -2]],  # beside
+    [[1e308, 0, -1e308], [0, 1e308, -1e308], [-1e308, 0, 1e308]],  # beyond float64
+])  # fmt: skip
 def test_nothing_is_seen_of_what_is_not_in_front(triangle):
     camera = camera_at((0, 0, 0), (0, 0, -1), near=0.1)
     for face in [0, 1, 2], [2, 1, 0]:

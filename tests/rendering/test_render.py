@@ -38,16 +38,13 @@ def test_a_flat_normal_map_changes_nothing(mesh):
     assert everything_of(mapped) == everything_of(bare)
 
 
-@pytest.mark.parametrize(
-    ("mirror", "metadata", "expected"),
-    [
-        (False, {}, (0.6, 0.48, 0.64)),
-        (False, {"texbake:convention": "directx"}, (0.6, -0.48, 0.64)),
-        (True, {}, (-0.6, 0.48, 0.64)),
-        (True, {"texbake:space": "object"}, (0.6, 0.48, 0.64)),
-        (True, {"texbake:space": "world"}, (0.6, 0.48, 0.64)),
-    ],
-)
+@pytest.mark.parametrize(("mirror", "metadata", "expected"), [
+    (False, {}, (0.6, 0.48, 0.64)),
+    (False, {"texbake:convention": "directx"}, (0.6, -0.48, 0.64)),
+    (True, {}, (-0.6, 0.48, 0.64)),
+    (True, {"texbake:space": "object"}, (0.6, 0.48, 0.64)),
+    (True, {"texbake:space": "world"}, (0.6, 0.48, 0.64)),
+])  # fmt: skip
 def test_a_normal_map_bends_normals_in_its_space(mirror, metadata, expected):
     # On a plane with u along x and v along y, tangent space is world space; mirrored in u, x turns.
     mesh = plane(2, 2)

@@ -26,20 +26,15 @@ def fragments(pixels, counts, light, normals=None):
     return Fragments(
         target=0,
         drawn=DrawnObject(
-            mesh=mesh, material=Material(), positions=mesh.positions, faces=mesh.faces
+            mesh=mesh, material=Material(), positions=mesh.positions, faces=mesh.faces,
         ),
-        drawn_faces=np.zeros(n, np.int32),
-        drawn_weights=np.zeros((n, 2)),
-        faces=np.zeros(n, np.int32),
-        weights=np.zeros((n, 2)),
-        changes=np.empty((0, 4), np.float32),
-        places=np.zeros((n, 2), np.float32),
-        pixels=np.array(pixels, np.int32),
-        counts=np.array(counts, np.float32),
-        back_facing=np.zeros(n, bool),
+        drawn_faces=np.zeros(n, np.int32), drawn_weights=np.zeros((n, 2)),
+        faces=np.zeros(n, np.int32), weights=np.zeros((n, 2)), changes=np.empty((0, 4), np.float32),
+        places=np.zeros((n, 2), np.float32), pixels=np.array(pixels, np.int32),
+        counts=np.array(counts, np.float32), back_facing=np.zeros(n, bool),
         normals=np.array([] if normals is None else normals, np.float32).reshape(-1, 3),
         light=np.array(light, np.float32),
-    )
+    )  # fmt: skip
 
 
 def test_a_pixel_is_the_mean_of_its_samples_over_what_is_behind():
@@ -84,13 +79,9 @@ def test_a_frame_tells_the_nearest_triangle_of_a_pixel_and_its_distance():
     ids = np.array([[7, 3, -1, -1], [-1, -1, -1, -1]], np.int32)
     depths = np.array([[0.25, 0.5, 0, 0], [0, 0, 0, 0]], np.float32)
     frame = Frame(
-        color=np.zeros((1, 2, 4), np.float32),
-        coverage=np.zeros((1, 2), np.float32),
-        plan=Plan((), ()),
-        costs=Costs(),
-        _visibility=VisibilityBuffer(ids, depths),
-        _near=0.1,
-    )
+        color=np.zeros((1, 2, 4), np.float32), coverage=np.zeros((1, 2), np.float32),
+        plan=Plan((), ()), costs=Costs(), _visibility=VisibilityBuffer(ids, depths), _near=0.1,
+    )  # fmt: skip
     np.testing.assert_array_equal(frame.face_ids, [[3, -1]])
     np.testing.assert_array_equal(frame.depths, np.float32([[0.1 / 0.5, np.inf]]))
     with pytest.raises(OptionError, match="has no normals"):

@@ -391,16 +391,13 @@ def test_a_file_that_is_no_scene(tmp_path):
         read_scene(path)
 
 
-@pytest.mark.parametrize(
-    ("objects", "n_made"),
-    [
-        ('shape = "sphere"\nresolution = [1000, 2000]', 1),
-        ('shape = "icosphere"\nlevel = 8', 4),
-        ('shape = "orange"\nn_triangles = 2_500_000', 2),
-        ('shape = "cylinder"\nsides = 2_500_000', 1),
-        ('shape = "plane"\nresolution = [1000, 1500]', 2),  # together exactly 6,000,000
-    ],
-)
+@pytest.mark.parametrize(("objects", "n_made"), [
+    ('shape = "sphere"\nresolution = [1000, 2000]', 1),
+    ('shape = "icosphere"\nlevel = 8', 4),
+    ('shape = "orange"\nn_triangles = 2_500_000', 2),
+    ('shape = "cylinder"\nsides = 2_500_000', 1),
+    ('shape = "plane"\nresolution = [1000, 1500]', 2),  # together exactly 6,000,000
+])  # fmt: skip
 def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
     tmp_path, monkeypatch, objects, n_made
 ):

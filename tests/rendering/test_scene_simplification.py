@@ -268,16 +268,13 @@ def test_only_lamps_that_reach_a_visible_pixel_get_a_shadow_map(light, material,
 METAL = {"shading": "metallic-roughness", "metalness": 1.0}
 
 
-@pytest.mark.parametrize(
-    ("fields", "scatters"),
-    [
-        (METAL, False),
-        (METAL | {"metalness": 0.99}, True),
-        (METAL | {"metalness": ImageTexture(image=np.ones((2, 2, 1), np.float32))}, True),
-        (METAL | {"metalness": 0.0, "base_color": (0.0, 0.0, 0.0)}, False),
-        (LAMBERT | {"metalness": 1.0}, True),
-    ],
-)
+@pytest.mark.parametrize(("fields", "scatters"), [
+    (METAL, False),
+    (METAL | {"metalness": 0.99}, True),
+    (METAL | {"metalness": ImageTexture(image=np.ones((2, 2, 1), np.float32))}, True),
+    (METAL | {"metalness": 0.0, "base_color": (0.0, 0.0, 0.0)}, False),
+    (LAMBERT | {"metalness": 1.0}, True),
+])  # fmt: skip
 def test_only_surfaces_that_scatter_need_irradiance(fields, scatters):
     """In an environment of one color; other tests compare the mirrors of pure metals."""
     around = Environment(color=(0.2, 0.5, 0.9), lighting=True, background=False, size=8)

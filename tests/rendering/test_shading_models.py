@@ -17,14 +17,12 @@ LAMPS = Lighting(
     lights=(
         Light(name="a", direction=tuple(-x for x in TO_LIGHTS[0]), color=(1.0, 0.9, 0.7)),
         Light(
-            name="b",
-            direction=tuple(-2 * x for x in TO_LIGHTS[1]),
-            color=(0.1, 0.4, 0.9),
+            name="b", direction=tuple(-2 * x for x in TO_LIGHTS[1]), color=(0.1, 0.4, 0.9),
             intensity=1.5,
         ),
     ),
     ambient=Ambient(color=(0.05, 0.06, 0.07)),
-)
+)  # fmt: skip
 RADIANCES = np.array([[1.0, 0.9, 0.7], [0.15, 0.6, 1.35]])
 NORMAL = np.array((0.2, -0.3, 1.0)) / math.sqrt(1.13)
 BASE = np.array((0.7, 0.4, 0.1))
@@ -52,12 +50,9 @@ def test_blinn_phong_is_its_formula(wall, exponent, gloss):
     # C = C_b I_a + sum I_L (C_b (N·L) + C_s (N·H)^e)
     specular = np.array((0.3, 0.5, 0.2))
     material = Material(
-        shading="blinn-phong",
-        base_color=tuple(BASE),
-        specular=tuple(specular),
-        exponent=exponent,
+        shading="blinn-phong", base_color=tuple(BASE), specular=tuple(specular), exponent=exponent,
         gloss=gloss,
-    )
+    )  # fmt: skip
     found = wall.light(material, LAMPS, normal=NORMAL)
     expected = np.zeros_like(found) + BASE * (0.05, 0.06, 0.07)
     for radiance, to_light in zip(RADIANCES, TO_LIGHTS, strict=True):

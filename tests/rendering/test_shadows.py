@@ -85,15 +85,13 @@ SPOT_DIRECTION = (-0.9, -4.0, -0.5)
 SOURCES = {
     "directional": (light(direction=SUN), np.array([0.5, 1.0, -0.3, 0.0])),
     "spot": (
-        light("spot", position=LAMP, direction=SPOT_DIRECTION, angle=70.0),
-        np.array([*LAMP, 1.0]),
+        light("spot", position=LAMP, direction=SPOT_DIRECTION, angle=70.0), np.array([*LAMP, 1.0]),
     ),
     "wide spot": (
-        light("spot", position=LAMP, direction=SPOT_DIRECTION, angle=150.0),
-        np.array([*LAMP, 1.0]),
+        light("spot", position=LAMP, direction=SPOT_DIRECTION, angle=150.0), np.array([*LAMP, 1.0]),
     ),
     "point": (light("point", size=512, position=LAMP), np.array([*LAMP, 1.0])),
-}
+}  # fmt: skip
 
 
 def texel_at(source, distance):
@@ -129,14 +127,11 @@ def test_a_ball_throws_the_shadow_of_the_cone_around_it(kind):
     assert (found[bright] == 1.0).all()
 
 
-@pytest.mark.parametrize(
-    ("size", "radius", "elevation"),
-    [
-        (size, (0.0, 1.5, 6.0)[(i + j) % 3], elevation)  # all pairs of two
-        for i, size in enumerate((1, 7, 64, 1024))
-        for j, elevation in enumerate((90.0, 30.0, 3.0, 0.1))
-    ],
-)
+@pytest.mark.parametrize(("size", "radius", "elevation"), [
+    (size, (0.0, 1.5, 6.0)[(i + j) % 3], elevation)  # all pairs of two
+    for i, size in enumerate((1, 7, 64, 1024))
+    for j, elevation in enumerate((90.0, 30.0, 3.0, 0.1))
+])  # fmt: skip
 def test_a_plane_is_lit_all_over_at_any_slope(size, radius, elevation):
     # The post makes the object no flat one, and stands, with its shadow, outside the picture.
     post = quad((20, -1, 20), (20, 1, 20), (20, 1, 20.1), (20, -1, 20.1))
@@ -148,14 +143,11 @@ def test_a_plane_is_lit_all_over_at_any_slope(size, radius, elevation):
     assert (found == 1.0).all()
 
 
-@pytest.mark.parametrize(
-    ("bend", "direction", "size", "n"),
-    [
-        ((0.2, -0.2)[(i + j) % 2], direction, size, (12, 150)[i % 2])  # all pairs of two
-        for i, size in enumerate((24, 64, 500))
-        for j, direction in enumerate(((0.0, -1.0, 0.0), (0.4, -1.0, 0.3), (0.0, -1.0, 0.9)))
-    ],
-)
+@pytest.mark.parametrize(("bend", "direction", "size", "n"), [
+    ((0.2, -0.2)[(i + j) % 2], direction, size, (12, 150)[i % 2])  # all pairs of two
+    for i, size in enumerate((24, 64, 500))
+    for j, direction in enumerate(((0.0, -1.0, 0.0), (0.4, -1.0, 0.3), (0.0, -1.0, 0.9)))
+])  # fmt: skip
 def test_a_bent_surface_does_not_shade_itself(bend, direction, size, n):
     # Its steepest slope, 0.8 bend, is far below the sun's: all of it is lit.
     mesh = plane(n, n, lambda u, v: bend * ((2 * u - 1) ** 2 + (2 * v - 1) ** 2))
@@ -283,33 +275,29 @@ def plan(*objects, light, camera=ABOVE):
 LEFT_OUT = {
     "dark": ((floor(), ball(CENTER, 0.5)), light(direction=SUN, intensity=0.0), "it is dark"),
     "no caster": (
-        (floor(casts_shadows=False), ball(CENTER, 0.5, casts_shadows=False)),
-        light(direction=SUN),
+        (floor(casts_shadows=False), ball(CENTER, 0.5, casts_shadows=False)), light(direction=SUN),
         "no object casts shadows",
     ),
     "no receiver": (
         (floor(receives_shadows=False), ball(CENTER, 0.5, receives_shadows=False)),
-        light(direction=SUN),
-        "nothing that receives shadows is in the picture",
+        light(direction=SUN), "nothing that receives shadows is in the picture",
     ),
     "flat": ((floor(),), light(direction=SUN), "its shadows fall on nothing"),
     "flat, many faces": ((floor(n=5),), light("point", position=LAMP), "its shadows fall on"),
     "aside": (
-        (floor(), ball((40.0, 1.0, 0.0), 0.5)),
-        light(direction=(0, -1, 0)),
+        (floor(), ball((40.0, 1.0, 0.0), 0.5)), light(direction=(0, -1, 0)),
         "its shadows fall on nothing",
     ),
     "behind": (
         (floor(), ball((0.0, -30.0, 0.0), 0.5, receives_shadows=False)),
-        light(direction=(0, -1, 0)),
-        "its shadows fall on nothing",
+        light(direction=(0, -1, 0)), "its shadows fall on nothing",
     ),
     "beyond the cone": (
         (floor(), ball((0.0, 2.0, 0.0), 0.5, receives_shadows=False)),
         light("spot", position=(0, 6, 0), direction=(0, 1, 0), angle=30.0),
         "no light casts shadows",
     ),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", LEFT_OUT)

@@ -34,12 +34,10 @@ def displaced(mesh, holder, *, options=SMALL, camera=None, transform=None, threa
     """The object as it is drawn, and the frame."""
     kept = []
     probe = Effect(
-        name="probe",
-        does="looks",
+        name="probe", does="looks",
         activations=lambda request: [Activation(i, "the test", "it looks") for i in request.shaded],
-        left_out="nothing is shaded",
-        load=lambda state, target: kept.append(state.drawn(target)),
-    )
+        left_out="nothing is shaded", load=lambda state, target: kept.append(state.drawn(target)),
+    )  # fmt: skip
     material = Material(**{"shading": "unlit", "displacement": holder} | fields)
     scene = Scene(
         objects=(SceneObject(mesh=mesh, material=material, transform=transform),), lighting=LIT
@@ -300,16 +298,13 @@ def around():
     return Camera.looking_at((0, 0, 60.0), (0, 0, 0), fov=1.0, near=0.1)
 
 
-@pytest.mark.parametrize(
-    ("space", "told", "expected"),
-    [
-        ("object", {}, (0.1, 0.2, 0.3)),
-        ("tangent", {}, (-0.2, 0.1, 0.3)),  # u runs along y, v along -x
-        (None, {}, (-0.2, 0.1, 0.3)),
-        (None, {"texbake:space": "object"}, (0.1, 0.2, 0.3)),
-        ("tangent", {"texbake:space": "object"}, (-0.2, 0.1, 0.3)),
-    ],
-)
+@pytest.mark.parametrize(("space", "told", "expected"), [
+    ("object", {}, (0.1, 0.2, 0.3)),
+    ("tangent", {}, (-0.2, 0.1, 0.3)),  # u runs along y, v along -x
+    (None, {}, (-0.2, 0.1, 0.3)),
+    (None, {"texbake:space": "object"}, (0.1, 0.2, 0.3)),
+    ("tangent", {"texbake:space": "object"}, (-0.2, 0.1, 0.3)),
+])  # fmt: skip
 def test_vectors_move_in_their_space(space, told, expected):
     mesh = plane()
     mesh = mesh.replace(uvs=np.stack([mesh.uvs[:, 1], 1 - mesh.uvs[:, 0]], axis=1))

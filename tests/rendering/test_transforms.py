@@ -46,16 +46,13 @@ def test_quarter_turns_are_exact(angle):
     assert set(np.abs(turn).ravel()) == {0.0, 1.0}
 
 
-@pytest.mark.parametrize(
-    ("matrix", "message"),
-    [
-        (np.diag([1.0, 1.0, 0.0, 1.0]), "transform: it is singular"),
-        (np.diag([1e9, 1.0, 1e-9, 1.0]), "transform: it is singular"),
-        (np.zeros((4, 4)), "transform: its last row is not"),
-        (np.eye(3), "transform: it is not 4 x 4"),
-        (np.diag([1.0, np.nan, 1.0, 1.0]), "transform: it is not 4 x 4 finite"),
-    ],
-)
+@pytest.mark.parametrize(("matrix", "message"), [
+    (np.diag([1.0, 1.0, 0.0, 1.0]), "transform: it is singular"),
+    (np.diag([1e9, 1.0, 1e-9, 1.0]), "transform: it is singular"),
+    (np.zeros((4, 4)), "transform: its last row is not"),
+    (np.eye(3), "transform: it is not 4 x 4"),
+    (np.diag([1.0, np.nan, 1.0, 1.0]), "transform: it is not 4 x 4 finite"),
+])  # fmt: skip
 def test_what_is_no_transform(matrix, message):
     with pytest.raises(OptionError, match=message):
         SceneObject(mesh=cube(), transform=matrix)
@@ -117,20 +114,17 @@ def test_up_is_as_the_view_says_else_as_the_options():
     )
 
 
-@pytest.mark.parametrize(
-    ("eye", "target", "changes", "message"),
-    [
-        ((1, 2, 3), (1, 2, 3), {}, "position: it is the same as the target"),
-        ((1e9, 0, 0), (1e9 + 1e-7, 0, 0), {}, "position: it is the same as the target"),
-        ((0, 5, 0), (0, 0, 0), {}, "up: it is parallel to the view"),
-        ((0, -5, 0), (0, 0, 0), {"up": (0, 1e-3, 0)}, "up: it is parallel to the view"),
-        ((0, 0, 5), (0, 0, 0), {"up": (0, 0, 0)}, "up: it has no length"),
-        ((0, 0, np.nan), (0, 0, 0), {}, "position: .* is not three finite numbers"),
-        ((0, 0, 5), (0, 0, 0), {"fov": 0.0}, "fov: 0 is out of range"),
-        ((0, 0, 5), (0, 0, 0), {"fov": np.pi}, "fov: 180 is out of range"),
-        ((0, 0, 5), (0, 0, 0), {"near": 0.0}, "near: 0 is not above 0"),
-    ],
-)
+@pytest.mark.parametrize(("eye", "target", "changes", "message"), [
+    ((1, 2, 3), (1, 2, 3), {}, "position: it is the same as the target"),
+    ((1e9, 0, 0), (1e9 + 1e-7, 0, 0), {}, "position: it is the same as the target"),
+    ((0, 5, 0), (0, 0, 0), {}, "up: it is parallel to the view"),
+    ((0, -5, 0), (0, 0, 0), {"up": (0, 1e-3, 0)}, "up: it is parallel to the view"),
+    ((0, 0, 5), (0, 0, 0), {"up": (0, 0, 0)}, "up: it has no length"),
+    ((0, 0, np.nan), (0, 0, 0), {}, "position: .* is not three finite numbers"),
+    ((0, 0, 5), (0, 0, 0), {"fov": 0.0}, "fov: 0 is out of range"),
+    ((0, 0, 5), (0, 0, 0), {"fov": np.pi}, "fov: 180 is out of range"),
+    ((0, 0, 5), (0, 0, 0), {"near": 0.0}, "near: 0 is not above 0"),
+])  # fmt: skip
 def test_what_is_no_camera(eye, target, changes, message):
     with pytest.raises(OptionError, match=message):
         Camera.looking_at(eye, target, **{"fov": 1.0, "near": 0.1, **changes})

@@ -18,12 +18,9 @@ SAMPLES = Path(__file__).parents[2] / "samples"
 
 def run_sample(name, *arguments, folder, status=0):
     process = subprocess.run(
-        [sys.executable, "-W", "error", str(SAMPLES / name), *map(str, arguments)],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+        [sys.executable, "-W", "error", str(SAMPLES / name), *map(str, arguments)], cwd=folder,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert process.returncode == status, process.stderr
     return process.stdout
 
@@ -96,13 +93,10 @@ def test_the_notebook_runs_and_shows_each_step(tmp_path):
     """In a kernel of its own, which imports the installed package."""
     notebook = str(SAMPLES / "notebook.ipynb")
     lines = subprocess.run(
-        [sys.executable, "-P", "-c", EXECUTE, notebook],
-        cwd=tmp_path,
+        [sys.executable, "-P", "-c", EXECUTE, notebook], cwd=tmp_path,
         env={**os.environ, "TMPDIR": str(tmp_path), "IPYTHONDIR": str(tmp_path / "ipython")},
-        capture_output=True,
-        text=True,
-        check=True,
-    ).stdout.splitlines()
+        capture_output=True, text=True, check=True,
+    ).stdout.splitlines()  # fmt: skip
     assert lines[0].startswith("<Mesh torus: 360,000 faces, 180,000 vertices, 2.828 x ")
     assert lines.count("view") == 3
     assert lines[-1] == "['normal.png', 'displacement.png', 'ao.png']"

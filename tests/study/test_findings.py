@@ -17,13 +17,10 @@ def result(baseline="fixed"):
         return Measurement(Setting(label, label, series), Evaluation(error), (seconds,), None)
 
     items = (
-        item("1", "fixed", 1.0, 8.0),
-        item("4", "fixed", 4.0, 4.0),
-        item("16", "fixed", 16.0, 1.0),
-        item("64", "fixed", 64.0, 0.1),
-        item("wide", "adaptive", 2.0, 4.0),
+        item("1", "fixed", 1.0, 8.0), item("4", "fixed", 4.0, 4.0), item("16", "fixed", 16.0, 1.0),
+        item("64", "fixed", 64.0, 0.1), item("wide", "adaptive", 2.0, 4.0),
         item("close", "adaptive", 8.0, 0.25),
-    )
+    )  # fmt: skip
     return KnobResult(knob, "on", "converged", "text", items)
 
 

@@ -76,26 +76,23 @@ def test_every_knob_runs(quick_study, name):
     assert result.front and len(result.knees) == len(result.problems)
 
 
-@pytest.mark.parametrize(
-    ("knob", "rising"),
-    [
-        ("texture-size", ["32", "64", "128"]),
-        ("samples", ["1", "4", "16", "64"]),
-        ("bit-depth", ["8", "16", "float"]),
-        ("atlas-quality", ["fast, padding 4", "good, padding 4"]),
-        ("bump-gradient", ["forward 1/64", "central 1/64", "analytic 1/64"]),
-        ("bump-gradient", ["central 1/32", "central 1/64"]),
-        ("bump-form", ["blinn, d = 0.1", "exact, d = 0.1"]),
-        ("bump-light", ["emboss, d = 0.1", "blinn, d = 0.1", "exact, d = 0.1"]),
-        ("surface-detail", ["bare", "normal map", "displacement", "both"]),
-        ("tessellation", ["16 px", "8 px", "4 px"]),
-        ("texture-lookup", ["bilinear", "trilinear", "EWA 2", "EWA 4", "EWA 8", "EWA 16"]),
-        ("interpolation", ["affine, 1 x 1", "affine, 2 x 2", "affine, 4 x 4", "perspective"]),
-        ("environment", ["one lookup", "rendered, 16", "rendered, 64"]),
-        ("noise", ["1, float64", "3, float64", "6, float64"]),
-        ("low-poly", ["50 fast", "50 best", "200 best"]),
-    ],
-)
+@pytest.mark.parametrize(("knob", "rising"), [
+    ("texture-size", ["32", "64", "128"]),
+    ("samples", ["1", "4", "16", "64"]),
+    ("bit-depth", ["8", "16", "float"]),
+    ("atlas-quality", ["fast, padding 4", "good, padding 4"]),
+    ("bump-gradient", ["forward 1/64", "central 1/64", "analytic 1/64"]),
+    ("bump-gradient", ["central 1/32", "central 1/64"]),
+    ("bump-form", ["blinn, d = 0.1", "exact, d = 0.1"]),
+    ("bump-light", ["emboss, d = 0.1", "blinn, d = 0.1", "exact, d = 0.1"]),
+    ("surface-detail", ["bare", "normal map", "displacement", "both"]),
+    ("tessellation", ["16 px", "8 px", "4 px"]),
+    ("texture-lookup", ["bilinear", "trilinear", "EWA 2", "EWA 4", "EWA 8", "EWA 16"]),
+    ("interpolation", ["affine, 1 x 1", "affine, 2 x 2", "affine, 4 x 4", "perspective"]),
+    ("environment", ["one lookup", "rendered, 16", "rendered, 64"]),
+    ("noise", ["1, float64", "3, float64", "6, float64"]),
+    ("low-poly", ["50 fast", "50 best", "200 best"]),
+])  # fmt: skip
 def test_turning_a_knob_up_makes_it_better(errors, knob, rising):
     values = [errors[knob][label] for label in rising]
     assert all(a > b for a, b in pairwise(values)), values

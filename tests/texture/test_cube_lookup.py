@@ -70,11 +70,9 @@ def test_both_sides_of_an_edge_agree_even_for_noise(size):
     for which in 0, 1:
         moved = points.copy()
         np.put_along_axis(
-            moved,
-            others[:, [which]],
-            np.take_along_axis(moved, others[:, [which]], axis=1) * (1 - step),
-            axis=1,
-        )
+            moved, others[:, [which]],
+            np.take_along_axis(moved, others[:, [which]], axis=1) * (1 - step), axis=1,
+        )  # fmt: skip
         sides.append(sample_cube(cube, moved))
     # A step of 1e-6 of half a face is size / 2 * 1e-6 texels, over differences of at most 1 a
     # texel; and the rounding of float32 directions.

@@ -120,10 +120,8 @@ def test_srgb_codes_are_those_of_encoded_values(bits):
     assert np.array_equal(codes[:, :3], quantize_unsigned(colors, bits))
     assert np.array_equal(codes[:, 3], quantize_unsigned(values, bits)[:, 3])
     assert quantize_srgb(np.array([np.nan, np.inf, -np.inf]), bits).tolist() == [
-        0,
-        max_code(bits),
-        0,
-    ]
+        0, max_code(bits), 0,
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("bits", [8, 16])

@@ -26,12 +26,9 @@ FORMATS = [
     ("ppm", 16, 0.5 / 65535),
 ]
 METADATA = {
-    "texbake:displacement_mid": 32768 / 65535,
-    "texbake:displacement_scale": 0.1 + 0.2,
-    "texbake:space": "tangent",
-    "texbake:convention": "directx",
-    "count": 3,
-}
+    "texbake:displacement_mid": 32768 / 65535, "texbake:displacement_scale": 0.1 + 0.2,
+    "texbake:space": "tangent", "texbake:convention": "directx", "count": 3,
+}  # fmt: skip
 
 
 @pytest.fixture

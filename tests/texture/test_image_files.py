@@ -20,33 +20,27 @@ from texbake.texture.image_files import (
 PIXELS = np.full((2, 2, 3), 0.5, np.float32)
 
 
-@pytest.mark.parametrize(
-    ("name", "bits", "is_float", "suffix"),
-    [
-        ("a.hdr", 32, True, ".hdr"),
-        ("a.EXR", 16, True, ".exr"),
-        ("a.jpg", 8, False, ".png"),
-        ("a.ppm", 8, False, ".png"),
-        ("a.tif", 16, False, ".tif"),
-        ("a.pfm", 32, True, ".exr"),
-    ],
-)
+@pytest.mark.parametrize(("name", "bits", "is_float", "suffix"), [
+    ("a.hdr", 32, True, ".hdr"),
+    ("a.EXR", 16, True, ".exr"),
+    ("a.jpg", 8, False, ".png"),
+    ("a.ppm", 8, False, ".png"),
+    ("a.tif", 16, False, ".tif"),
+    ("a.pfm", 32, True, ".exr"),
+])  # fmt: skip
 def test_files_like_another_lose_nothing(name, bits, is_float, suffix):
     assert suffix_like(Image(PIXELS, bits=bits, is_float=is_float, name=name)) == suffix
 
 
-@pytest.mark.parametrize(
-    ("target", "bits", "is_float", "greatest", "expected"),
-    [
-        ("a.png", 8, False, 1.0, None),
-        ("a.png", 16, False, 1.0, 16),
-        ("a.jpg", 16, False, 1.0, None),
-        ("a.png", 32, True, 9.0, None),
-        ("a.tif", 32, True, 9.0, 32),
-        ("a.exr", 32, True, 9.0, None),
-        ("a.exr", 32, True, 65505.0, 32),
-    ],
-)
+@pytest.mark.parametrize(("target", "bits", "is_float", "greatest", "expected"), [
+    ("a.png", 8, False, 1.0, None),
+    ("a.png", 16, False, 1.0, 16),
+    ("a.jpg", 16, False, 1.0, None),
+    ("a.png", 32, True, 9.0, None),
+    ("a.tif", 32, True, 9.0, 32),
+    ("a.exr", 32, True, 9.0, None),
+    ("a.exr", 32, True, 65505.0, 32),
+])  # fmt: skip
 def test_bits_follow_the_source(target, bits, is_float, greatest, expected):
     source = Image(PIXELS, bits=bits, is_float=is_float)
     assert bits_for(target, PIXELS * 2 * np.float32(greatest), source) == expected

@@ -117,19 +117,16 @@ def test_one_stop_is_the_color_of_everything():
     np.testing.assert_array_equal(ends, STOPS[[-1, 0, 0]])
 
 
-@pytest.mark.parametrize(
-    ("function", "source", "points", "options", "message"),
-    [
-        (lookup, (2, 2, 3), (1, 2), {"wrap": "tile"}, "'tile' is not known"),
-        (lookup, (4, 4), (1, 2), {}, "shape"),
-        (volume_lookup, (2, 2, 2, 2), (1, 3), {"filter": "bicubic"}, "filter: 'bicubic' is not"),
-        (volume_lookup, (2, 2, 2, 2), (1, 3), {"wrap": "tile"}, "wrap: 'tile' is not known"),
-        (volume_lookup, (2, 2, 2), (1, 3), {}, "volume: the shape"),
-        (volume_lookup, (2, 2, 2, 2), (1, 2), {}, "points: the shape"),
-        (ramp_lookup, (0, 3), (2,), {}, "stops: the shape"),
-        (ramp_lookup, (2, 3), (2, 2), {}, "values: the shape"),
-    ],
-)
+@pytest.mark.parametrize(("function", "source", "points", "options", "message"), [
+    (lookup, (2, 2, 3), (1, 2), {"wrap": "tile"}, "'tile' is not known"),
+    (lookup, (4, 4), (1, 2), {}, "shape"),
+    (volume_lookup, (2, 2, 2, 2), (1, 3), {"filter": "bicubic"}, "filter: 'bicubic' is not"),
+    (volume_lookup, (2, 2, 2, 2), (1, 3), {"wrap": "tile"}, "wrap: 'tile' is not known"),
+    (volume_lookup, (2, 2, 2), (1, 3), {}, "volume: the shape"),
+    (volume_lookup, (2, 2, 2, 2), (1, 2), {}, "points: the shape"),
+    (ramp_lookup, (0, 3), (2,), {}, "stops: the shape"),
+    (ramp_lookup, (2, 3), (2, 2), {}, "values: the shape"),
+])  # fmt: skip
 def test_wrong_input_is_an_error(function, source, points, options, message):
     with pytest.raises(OptionError, match=message):
         function(np.zeros(source, np.float32), np.zeros(points), **options)

@@ -55,17 +55,12 @@ def test_normals_come_out_as_unit_normals_and_roughness_as_asked(tmp_path):
     tilted[:, 0], tilted[:, 1] = (0.6, 0.0, 0.8), (-0.6, 0.0, 0.8)
     write_image(tilted / 2 + 0.5, tmp_path / "n.tif", bits=32)
     files = write_mip_levels(
-        tmp_path / "n.tif",
-        tmp_path / "levels",
-        MipOptions(kind="normal"),
+        tmp_path / "n.tif", tmp_path / "levels", MipOptions(kind="normal"),
         roughness=tmp_path / "rough",
-    )
+    )  # fmt: skip
     assert [file.name for file in files] == [
-        "n_0.tif",
-        "n_1.tif",
-        "n_roughness_0.tif",
-        "n_roughness_1.tif",
-    ]
+        "n_0.tif", "n_1.tif", "n_roughness_0.tif", "n_roughness_1.tif",
+    ]  # fmt: skip
     mean = read_image(files[1], color=False).pixels[0, 0]
     np.testing.assert_allclose(mean, [0.5, 0.5, 1.0], atol=1e-6)
     np.testing.assert_allclose(read_image(files[2], color=False).pixels, 0.0, atol=0.03)

@@ -128,15 +128,12 @@ def test_a_single_level_shares_the_memory_of_its_image():
     np.testing.assert_array_equal(chain.level(0), image)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"kind": "vector"}, "kind: 'vector' is not known"),
-        ({"filter": "lanczos"}, "filter: 'lanczos' is not known"),
-        ({"wrap": "tile"}, "wrap: 'tile' is not known"),
-        ({"roughness": True}, "roughness: only normal maps have it"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"kind": "vector"}, "kind: 'vector' is not known"),
+    ({"filter": "lanczos"}, "filter: 'lanczos' is not known"),
+    ({"wrap": "tile"}, "wrap: 'tile' is not known"),
+    ({"roughness": True}, "roughness: only normal maps have it"),
+])  # fmt: skip
 def test_wrong_options_are_errors(options, message):
     with pytest.raises(OptionError, match=message):
         mip_chain(random_image(4, 4), **options)

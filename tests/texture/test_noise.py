@@ -209,11 +209,9 @@ def test_tables_are_permutations_and_unit_gradients():
 
 SEED = 5
 SHARES = {
-    "none": lambda t: 0.0 * t,
-    "linear": lambda t: t,
-    "cubic": lambda t: 3 * t**2 - 2 * t**3,
+    "none": lambda t: 0.0 * t, "linear": lambda t: t, "cubic": lambda t: 3 * t**2 - 2 * t**3,
     "quintic": lambda t: 6 * t**5 - 15 * t**4 + 10 * t**3,
-}
+}  # fmt: skip
 
 
 def values_of(points, interpolation, footprint=None):

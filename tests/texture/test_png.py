@@ -52,20 +52,16 @@ def fibonacci_bytes():
     return np.random.default_rng(0).permutation(np.repeat(np.arange(24), counts))
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        np.zeros((5, 70_000)),
-        np.arange(256)[:, None] * np.ones(99),
-        np.arange(300_000)[None] // 7 % 256,
-        np.arange(90_000)[None] // np.arange(1, 90_001) % 2 * 255,
-        # Differences from the left, with which the first row is stored.
-        np.cumsum(fibonacci_bytes())[None] % 256,
-        np.repeat(np.arange(520) % 3, np.arange(520))[None],
-        np.random.default_rng(0).integers(0, 256, (1, 200_001)),
-    ],
-    ids=["flat", "lines", "short runs", "edges", "uneven", "all run lengths", "random"],
-)
+@pytest.mark.parametrize("rows", [
+    np.zeros((5, 70_000)),
+    np.arange(256)[:, None] * np.ones(99),
+    np.arange(300_000)[None] // 7 % 256,
+    np.arange(90_000)[None] // np.arange(1, 90_001) % 2 * 255,
+    # Differences from the left, with which the first row is stored.
+    np.cumsum(fibonacci_bytes())[None] % 256,
+    np.repeat(np.arange(520) % 3, np.arange(520))[None],
+    np.random.default_rng(0).integers(0, 256, (1, 200_001)),
+], ids=["flat", "lines", "short runs", "edges", "uneven", "all run lengths", "random"])  # fmt: skip
 def test_another_decoder_reads_any_bytes(tmp_path, rows):
     codes = rows.astype(np.uint8)[:, :, None]
     write_png(tmp_path / "a.png", codes)
@@ -132,19 +128,16 @@ def png_of(header, *more):
     )
 
 
-@pytest.mark.parametrize(
-    ("header", "complaint"),
-    [
-        ((0, 1, 8, 0, 0, 0, 0), "has 0 x 1 pixels"),
-        ((1, 2**31, 8, 0, 0, 0, 0), "sides of a PNG file"),
-        ((1_000_001, 1, 1, 0, 0, 0, 0), "sides of a PNG file"),
-        ((1, 1, 8, 5, 0, 0, 0), "header of the PNG file is damaged"),
-        ((1, 1, 1, 2, 0, 0, 0), "header of the PNG file is damaged"),
-        ((1, 1, 8, 0, 1, 0, 0), "header of the PNG file is damaged"),
-        ((1, 1, 8, 0, 0, 0, 2), "header of the PNG file is damaged"),
-        ((1, 1, 8, 3, 0, 0, 0), "lacks its palette"),
-    ],
-)
+@pytest.mark.parametrize(("header", "complaint"), [
+    ((0, 1, 8, 0, 0, 0, 0), "has 0 x 1 pixels"),
+    ((1, 2**31, 8, 0, 0, 0, 0), "sides of a PNG file"),
+    ((1_000_001, 1, 1, 0, 0, 0, 0), "sides of a PNG file"),
+    ((1, 1, 8, 5, 0, 0, 0), "header of the PNG file is damaged"),
+    ((1, 1, 1, 2, 0, 0, 0), "header of the PNG file is damaged"),
+    ((1, 1, 8, 0, 1, 0, 0), "header of the PNG file is damaged"),
+    ((1, 1, 8, 0, 0, 0, 2), "header of the PNG file is damaged"),
+    ((1, 1, 8, 3, 0, 0, 0), "lacks its palette"),
+])  # fmt: skip
 def test_what_libpng_would_complain_about_is_one_error(tmp_path, capfd, header, complaint):
     (tmp_path / "a.png").write_bytes(png_of(header))
     with pytest.raises(FileFormatError, match=complaint):

@@ -111,15 +111,12 @@ def test_wrong_parameters_are_one_clear_error(name, parameters, words):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    ("points", "footprint", "words"),
-    [
-        (np.zeros(3), None, r"points: the shape \(3,\)"),
-        (np.zeros((2, 4)), None, r"points: the shape \(2, 4\)"),
-        (np.zeros((2, 3)), np.zeros(3), r"footprint: the shape \(3,\) is not \(2,\)"),
-        (np.zeros((2, 3)), np.zeros((2, 2)), r"footprint: the shape \(2, 2\)"),
-    ],
-)
+@pytest.mark.parametrize(("points", "footprint", "words"), [
+    (np.zeros(3), None, r"points: the shape \(3,\)"),
+    (np.zeros((2, 4)), None, r"points: the shape \(2, 4\)"),
+    (np.zeros((2, 3)), np.zeros(3), r"footprint: the shape \(3,\) is not \(2,\)"),
+    (np.zeros((2, 3)), np.zeros((2, 2)), r"footprint: the shape \(2, 2\)"),
+])  # fmt: skip
 def test_wrong_shapes_are_one_clear_error(points, footprint, words):
     with pytest.raises(OptionError, match=words):
         evaluate("noise", points, footprint)

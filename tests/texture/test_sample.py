@@ -167,20 +167,17 @@ def test_a_texture_is_sampled_at_coordinates_of_any_shape():
     assert sample_texture(image, np.empty((0, 5, 2))).shape == (0, 5, 3)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"filter": "cubic"}, "filter: 'cubic' is not known"),
-        ({"wrap": "tile"}, "wrap: 'tile' is not known"),
-        ({"filter": "trilinear"}, "derivatives: trilinear filtering needs them"),
-        ({"max_anisotropy": 0.5}, "max_anisotropy: 0.5 is too small"),
-        ({"max_anisotropy": np.nan}, "max_anisotropy: nan is too small"),
-        ({"border": (1, 2)}, r"border: .* is not one number or 3"),
-        ({"filter": "ewa", "derivatives": np.zeros((3, 4))}, "derivatives: 3 rows for 5"),
-        ({"filter": "ewa", "derivatives": np.zeros((5, 3))}, "derivatives: the shape"),
-        ({"uvs": np.zeros((5, 3))}, "uvs: the shape"),
-    ],
-)
+@pytest.mark.parametrize(("options", "message"), [
+    ({"filter": "cubic"}, "filter: 'cubic' is not known"),
+    ({"wrap": "tile"}, "wrap: 'tile' is not known"),
+    ({"filter": "trilinear"}, "derivatives: trilinear filtering needs them"),
+    ({"max_anisotropy": 0.5}, "max_anisotropy: 0.5 is too small"),
+    ({"max_anisotropy": np.nan}, "max_anisotropy: nan is too small"),
+    ({"border": (1, 2)}, r"border: .* is not one number or 3"),
+    ({"filter": "ewa", "derivatives": np.zeros((3, 4))}, "derivatives: 3 rows for 5"),
+    ({"filter": "ewa", "derivatives": np.zeros((5, 3))}, "derivatives: the shape"),
+    ({"uvs": np.zeros((5, 3))}, "uvs: the shape"),
+])  # fmt: skip
 def test_wrong_options_are_errors(options, message):
     arguments = {"uvs": np.zeros((5, 2)), "filter": "bilinear"} | options
     with pytest.raises(OptionError, match=message):

@@ -39,16 +39,13 @@ def test_arrays_and_stacks_of_images_are_read(scan, tmp_path):
     np.testing.assert_allclose(read_volume(paths), volume, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("array", "message"),
-    [
-        (np.zeros((3, 3)), "the shape"),
-        (np.zeros((3, 3, 3, 2)), "the shape"),
-        (np.full((2, 2, 2), np.nan), "not finite"),
-        (np.array([{}], dtype=object), "not a .npy file"),
-        (np.zeros((2, 2, 2), complex), "not one array of numbers"),
-    ],
-)
+@pytest.mark.parametrize(("array", "message"), [
+    (np.zeros((3, 3)), "the shape"),
+    (np.zeros((3, 3, 3, 2)), "the shape"),
+    (np.full((2, 2, 2), np.nan), "not finite"),
+    (np.array([{}], dtype=object), "not a .npy file"),
+    (np.zeros((2, 2, 2), complex), "not one array of numbers"),
+])  # fmt: skip
 def test_other_arrays_are_refused(tmp_path, array, message):
     np.save(tmp_path / "a.npy", array)
     with pytest.raises(FileFormatError, match=message):

@@ -41,12 +41,10 @@ def chart(seed):
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     corner = (np.arange(6)[:, None] * 7 + np.arange(6)).ravel()
     corner = corner[corner != 24]
-    faces = np.concatenate(
-        [
-            np.column_stack([corner, corner + 1, corner + 8]),
-            np.column_stack([corner, corner + 8, corner + 7]),
-        ]
-    )
+    faces = np.concatenate([
+        np.column_stack([corner, corner + 1, corner + 8]),
+        np.column_stack([corner, corner + 8, corner + 7]),
+    ])  # fmt: skip
     return mesh_of(0.5 + 0.33 * points @ turn.T, faces)
 
 

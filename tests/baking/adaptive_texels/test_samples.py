@@ -252,17 +252,14 @@ def test_a_chart_beside_changes_no_texel():
     np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"max_error": "0.5"}, "bounds nothing of normal"),
-        ({"max_error": "1deg", "maps": ("displacement",)}, "bounds nothing of displacement"),
-        ({"samples": 4}, "leave nothing to choose"),
-        ({"samples": "many"}, "not one of"),
-        ({"keep_hits": True}, "keep_hits"),
-        ({"time_budget": 0}, "is not a duration"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "words"), [
+    ({"max_error": "0.5"}, "bounds nothing of normal"),
+    ({"max_error": "1deg", "maps": ("displacement",)}, "bounds nothing of displacement"),
+    ({"samples": 4}, "leave nothing to choose"),
+    ({"samples": "many"}, "not one of"),
+    ({"keep_hits": True}, "keep_hits"),
+    ({"time_budget": 0}, "is not a duration"),
+])  # fmt: skip
 def test_wrong_options_are_one_clear_error(changes, words):
     with pytest.raises(OptionError, match=words):
         bake(plane(), plane(), options(**changes))

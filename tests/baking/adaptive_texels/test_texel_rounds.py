@@ -23,16 +23,13 @@ def assert_same(by_time, by_error):
     assert by_time.report.sampling.errors == by_error.report.sampling.errors
 
 
-@pytest.mark.parametrize(
-    ("bounds", "give_up"),
-    [
-        ([4096.0], {}),
-        ([4096.0, 64.0, 16.0, 5.0], {}),
-        ([64.0, 3.0, 16.0], {1: 2}),
-        ([256.0, 3.0, 2.0, 64.0, 12.0], {1: 1, 2: 3}),
-        ([64.0, 16.0, 3.0], {2: 2}),
-    ],
-)
+@pytest.mark.parametrize(("bounds", "give_up"), [
+    ([4096.0], {}),
+    ([4096.0, 64.0, 16.0, 5.0], {}),
+    ([64.0, 3.0, 16.0], {1: 2}),
+    ([256.0, 3.0, 2.0, 64.0, 12.0], {1: 1, 2: 3}),
+    ([64.0, 16.0, 3.0], {2: 2}),
+])  # fmt: skip
 @pytest.mark.parametrize("maps", [("normal",), ("displacement", "normal", "object-id")])
 def test_rounds_give_what_the_last_complete_bound_gives(monkeypatch, bounds, give_up, maps):
     same = {"size": 48, "maps": maps, "front": 0.1, "back": 0.1}
@@ -93,11 +90,9 @@ def test_ample_time_reaches_the_given_error_and_ends():
 def test_too_little_time_is_said_at_once_and_buys_the_fewest_samples():
     said = []
     report = bake(
-        bumpy(),
-        plane(),
-        BakeOptions(size=64, time_budget="1ms"),
+        bumpy(), plane(), BakeOptions(size=64, time_budget="1ms"),
         clock=BudgetClock(warn=said.append),
-    ).report
+    ).report  # fmt: skip
     (line,) = said
     assert line.startswith("time_budget: 0.001 s is too short: the bake takes about")
     assert report.budget.least_seconds < 10 * report.budget.actual_seconds

@@ -127,17 +127,14 @@ def renamed(mesh, *names):
     return mesh.replace(group_names=names, group_objects=mesh.group_objects)
 
 
-@pytest.mark.parametrize(
-    ("high_names", "low_names", "are_paired"),
-    [
-        (("LEFT_high", "right_high_01"), ("left_low", "Right_low"), True),
-        (("a", "b_high"), ("a_low", "b"), True),
-        (("a", "b"), ("a", "b"), True),
-        (("a", "b", "c"), ("a", "b"), False),
-        (("a", "c"), ("a", "b"), False),
-        (("a", "b"), ("a", "a_low"), False),
-    ],
-)
+@pytest.mark.parametrize(("high_names", "low_names", "are_paired"), [
+    (("LEFT_high", "right_high_01"), ("left_low", "Right_low"), True),
+    (("a", "b_high"), ("a_low", "b"), True),
+    (("a", "b"), ("a", "b"), True),
+    (("a", "b", "c"), ("a", "b"), False),
+    (("a", "c"), ("a", "b"), False),
+    (("a", "b"), ("a", "a_low"), False),
+])  # fmt: skip
 def test_objects_are_matched_if_all_names_pair_up(high_names, low_names, are_paired):
     chosen = options(maps=("normal",), front=0.2, back=0.1, cull_back_faces=False)
     highs = [*HIGHS, ball("far", 9.0)][: len(high_names)]

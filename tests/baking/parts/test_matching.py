@@ -19,13 +19,10 @@ def test_numbers_may_follow_and_letters_may_not():
     found = matched(
         ["body_high", "Body_HIGH_01", "body_high.002", "body_high3", "body_highlight"], ["BODY_low"]
     )
-    assert found["matches"] == [
-        {
-            "base": "BODY",
-            "low": "BODY_low",
-            "high": ["body_high", "Body_HIGH_01", "body_high.002", "body_high3"],
-        }
-    ]
+    assert found["matches"] == [{
+        "base": "BODY", "low": "BODY_low",
+        "high": ["body_high", "Body_HIGH_01", "body_high.002", "body_high3"],
+    }]  # fmt: skip
     assert found["high_left_over"] == ["body_highlight"]
 
 
@@ -44,27 +41,21 @@ def test_suffixes_may_contain_special_characters():
     assert matched(["a.hp+2"], ["A(LP)"], options)["matches"][0]["base"] == "A"
 
 
-@pytest.mark.parametrize(
-    ("high", "low", "message"),
-    [
-        (["a_high"], ["a_low", "A_LOW"], "a_low, A_LOW: two low-poly parts have the same name"),
-        (["a_high"], ["b_low"], "no low-poly part .* matches a high-poly part"),
-        ([], [], "no low-poly part"),
-    ],
-)
+@pytest.mark.parametrize(("high", "low", "message"), [
+    (["a_high"], ["a_low", "A_LOW"], "a_low, A_LOW: two low-poly parts have the same name"),
+    (["a_high"], ["b_low"], "no low-poly part .* matches a high-poly part"),
+    ([], [], "no low-poly part"),
+])  # fmt: skip
 def test_parts_that_cannot_be_matched_are_one_line(high, low, message):
     with pytest.raises(MeshError, match=message) as caught:
         match_names(high, low, OPTIONS)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"match_by_name": True, "high_suffix": ""},
-        {"match_by_name": True, "high_suffix": "_LOW"},
-    ],
-)
+@pytest.mark.parametrize("wrong", [
+    {"match_by_name": True, "high_suffix": ""},
+    {"match_by_name": True, "high_suffix": "_LOW"},
+])  # fmt: skip
 def test_options_are_checked(wrong):
     with pytest.raises(OptionError):
         PartsOptions(**wrong)
@@ -96,19 +87,16 @@ def test_options_of_matching_need_matching(choice):
     PartsOptions(match_by_name=True, **choice)
 
 
-@pytest.mark.parametrize(
-    ("high", "low", "matches"),
-    [
-        (["a", "b_high", "c_ignore"], ["a_low", "B"], {"a_low": ["a"], "B": ["b_high"]}),
-        (["b", "A"], ["a", "b", "z_ignore"], {"a": ["A"], "b": ["b"]}),
-        (["a", "b", "b_high.001"], ["a_high", "b"], {"a_high": ["a"], "b": ["b", "b_high.001"]}),
-        (["a"], ["a"], None),
-        (["a", "b_ignore"], ["a", "b_ignore"], None),
-        (["a", "b", "c"], ["a", "b"], None),
-        (["a", "b"], ["a", "b", "c"], None),
-        (["a", "b"], ["a", "b", "A_low"], None),
-    ],
-)
+@pytest.mark.parametrize(("high", "low", "matches"), [
+    (["a", "b_high", "c_ignore"], ["a_low", "B"], {"a_low": ["a"], "B": ["b_high"]}),
+    (["b", "A"], ["a", "b", "z_ignore"], {"a": ["A"], "b": ["b"]}),
+    (["a", "b", "b_high.001"], ["a_high", "b"], {"a_high": ["a"], "b": ["b", "b_high.001"]}),
+    (["a"], ["a"], None),
+    (["a", "b_ignore"], ["a", "b_ignore"], None),
+    (["a", "b", "c"], ["a", "b"], None),
+    (["a", "b"], ["a", "b", "c"], None),
+    (["a", "b"], ["a", "b", "A_low"], None),
+])  # fmt: skip
 def test_objects_pair_up_if_every_name_that_is_not_ignored_has_its_match(high, low, matches):
     found = pair_names(high, low, PartsOptions())
     if matches is None:

@@ -25,21 +25,18 @@ def levels(item, bits):
 
 
 @pytest.mark.parametrize("bits", [8, 16])
-@pytest.mark.parametrize(
-    ("name", "given"),
-    [
-        ("displacement", {}),
-        ("displacement", {"mid": 0.25}),
-        ("displacement", {"scale": 9.0}),
-        ("vector-displacement", {}),
-        ("curvature", {}),
-        ("convexity", {"curvature_scale": 3.0}),
-        ("thickness", {}),
-        ("thickness", {"thickness_distance": 5.0}),
-        ("ao", {}),
-        ("normal", {}),
-    ],
-)
+@pytest.mark.parametrize(("name", "given"), [
+    ("displacement", {}),
+    ("displacement", {"mid": 0.25}),
+    ("displacement", {"scale": 9.0}),
+    ("vector-displacement", {}),
+    ("curvature", {}),
+    ("convexity", {"curvature_scale": 3.0}),
+    ("thickness", {}),
+    ("thickness", {"thickness_distance": 5.0}),
+    ("ao", {}),
+    ("normal", {}),
+])  # fmt: skip
 def test_levels_of_all_are_those_of_the_map_whose_values_have_the_widest_range(name, given, bits):
     least = 0.0 if name in ("thickness", "ao") else -1.0
     widest, other = baked(name, least, 2.0, **given), baked(name, 0.1 * least, 0.3, **given)

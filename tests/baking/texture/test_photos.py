@@ -343,26 +343,23 @@ def test_cameras_are_read_from_toml_and_from_matrices(tmp_path):
     np.testing.assert_array_equal(np.array(read_camera(numbers)), np.eye(4))
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("position = [0, 0, 1]", "target: it is missing"),
-        ("target = [0, 0, 1]", "position: it is missing"),
-        ("position = [0, 0]\ntarget = [0, 0, 1]", "position: .* is not 3 finite numbers"),
-        ("position = 'x'\ntarget = [0, 0, 1]", "position: 'x' is not 3 finite numbers"),
-        ("position = [0, 0, nan]\ntarget = [0, 0, 1]", "position"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 1]", "target: it is the position of the camera"),
-        ("position = [0, 5, 0]\ntarget = [0, 0, 0]", r"up: .* is along the view"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nup = [0, 0, 0]", "up: .* has no length"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = 180", "fov: 180 degrees"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = true", "fov: True degrees"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\naspect = -1", "aspect: -1"),
-        ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35", "lens: unknown key; a camera"),
-        ("position = [0,", "it is not TOML"),
-        ("position = " + "[" * 10_000, "it is not TOML: maximum recursion depth"),
-        ("position = " + "9" * 5000, "it is not TOML: Exceeds the limit"),
-    ],
-)
+@pytest.mark.parametrize(("text", "message"), [
+    ("position = [0, 0, 1]", "target: it is missing"),
+    ("target = [0, 0, 1]", "position: it is missing"),
+    ("position = [0, 0]\ntarget = [0, 0, 1]", "position: .* is not 3 finite numbers"),
+    ("position = 'x'\ntarget = [0, 0, 1]", "position: 'x' is not 3 finite numbers"),
+    ("position = [0, 0, nan]\ntarget = [0, 0, 1]", "position"),
+    ("position = [0, 0, 1]\ntarget = [0, 0, 1]", "target: it is the position of the camera"),
+    ("position = [0, 5, 0]\ntarget = [0, 0, 0]", r"up: .* is along the view"),
+    ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nup = [0, 0, 0]", "up: .* has no length"),
+    ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = 180", "fov: 180 degrees"),
+    ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nfov = true", "fov: True degrees"),
+    ("position = [0, 0, 1]\ntarget = [0, 0, 0]\naspect = -1", "aspect: -1"),
+    ("position = [0, 0, 1]\ntarget = [0, 0, 0]\nlens = 35", "lens: unknown key; a camera"),
+    ("position = [0,", "it is not TOML"),
+    ("position = " + "[" * 10_000, "it is not TOML: maximum recursion depth"),
+    ("position = " + "9" * 5000, "it is not TOML: Exceeds the limit"),
+])  # fmt: skip
 def test_an_error_in_a_file_names_the_key(tmp_path, text, message):
     file = tmp_path / "camera.toml"
     file.write_text(text)

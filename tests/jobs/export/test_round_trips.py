@@ -57,12 +57,9 @@ def assets(tmp_path_factory, meshoptimizer):
         folder = tmp_path_factory.mktemp(name)
         levels = [uv_sphere(12, 24)] if options else []
         made[name] = export_asset(
-            uv_sphere(48, 96),
-            write_maps(folder, green=green),
-            folder / "out",
-            ExportOptions(to="threejs", **options),
-            levels=levels,
-        ).mesh
+            uv_sphere(48, 96), write_maps(folder, green=green), folder / "out",
+            ExportOptions(to="threejs", **options), levels=levels,
+        ).mesh  # fmt: skip
     return made
 
 

@@ -16,16 +16,13 @@ from texbake.sampling.rounds import BudgetClock
 OPTIONS = RenderOptions(width=64, height=48)
 
 
-@pytest.mark.parametrize(
-    ("bounds", "give_up"),
-    [
-        ([1e6], {}),
-        ([1e6, 256.0, 64.0, 20.0], {}),
-        ([256.0, 20.0, 64.0], {1: 2}),
-        ([512.0, 32.0, 20.0, 256.0, 64.0], {1: 1, 2: 3}),
-        ([256.0, 20.0], {1: 3}),
-    ],
-)
+@pytest.mark.parametrize(("bounds", "give_up"), [
+    ([1e6], {}),
+    ([1e6, 256.0, 64.0, 20.0], {}),
+    ([256.0, 20.0, 64.0], {1: 2}),
+    ([512.0, 32.0, 20.0, 256.0, 64.0], {1: 1, 2: 3}),
+    ([256.0, 20.0], {1: 3}),
+])  # fmt: skip
 @pytest.mark.parametrize("name", ["opaque", "glass", "sky"])
 def test_rounds_show_what_the_last_complete_bound_shows(monkeypatch, name, bounds, give_up):
     """Byte for byte, though pixels are then sampled in other windows and together with others."""

@@ -22,16 +22,11 @@ from texbake.study.options import CASE_NAMES
 from texbake.study.truth.surfaces import ImplicitSurface
 
 BYTES = {
-    "sphere": "f06d8271c7006b36",
-    "displaced-sphere": "9bcbf02d81f010c0",
-    "orange": "3b044cb587263aea",
-    "gyroid": "9b059c65a3229e06",
-    "hard-edges": "2887c4f796d5f0ad",
-    "terrain": "f376bedf0198d0b5",
-    "thin-shells": "87108476a08f6775",
-    "mirrored-uvs": "e4e7af2019e7a3c2",
-    "two-parts": "60eaf9cbb4e0c8ae",
-}
+    "sphere": "f06d8271c7006b36", "displaced-sphere": "9bcbf02d81f010c0",
+    "orange": "3b044cb587263aea", "gyroid": "9b059c65a3229e06", "hard-edges": "2887c4f796d5f0ad",
+    "terrain": "f376bedf0198d0b5", "thin-shells": "87108476a08f6775",
+    "mirrored-uvs": "e4e7af2019e7a3c2", "two-parts": "60eaf9cbb4e0c8ae",
+}  # fmt: skip
 # Whose low-poly mesh has an atlas without overlaps.
 FLAT = tuple(name for name in CASE_NAMES if name != "mirrored-uvs")
 
