@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike
@@ -41,6 +41,7 @@ from texbake.texture.image_files import encode_image
 
 if TYPE_CHECKING:
     from texbake.baking.report import BakeReport
+    from texbake.baking.result import BakeResult
     from texbake.mapping.unwrap import UnwrapReport
 
 # Materials with images that `auto` keeps. More are slow to draw.
@@ -94,7 +95,8 @@ class Source:
             return self._with_new_uvs(n_faces, is_trial=is_trial)
         is_auto = self.options.uvs == "auto"
         has_fewer = self.mesh.n_faces > n_faces
-        if is_auto and not is_trial and has_fewer and not _is_atlas(self.mesh, threads):
+        may_be_new = is_auto and not is_trial and not self.materials.variants
+        if may_be_new and has_fewer and not _is_atlas(self.mesh, threads):
             return self._with_new_uvs(n_faces)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
@@ -139,8 +141,8 @@ class Source:
 
     def _why_new_uvs(self) -> str:
         """Why the texture coordinates cannot stay, or had better not; "" if they can."""
-        textured = [item for item in self.materials.materials if item.has_images]
-        if self.mesh.uvs is None or not textured:
+        textured = [item for item in self._shown.materials if item.has_images]
+        if self.mesh.uvs is None or not self.materials.has_images:
             return "has no images that lie on its texture coordinates"
         if self.materials.image_uv_sets - {0}:
             return "has images on further texture coordinates"
@@ -149,6 +151,18 @@ class Source:
         if self.options.uvs == "auto" and len(textured) > _MOST_TEXTURED:
             return f"has more than {_MOST_TEXTURED} materials with images"
         return ""
+
+    @cached_property
+    def _shown(self) -> Materials:
+        """The materials without those of variants."""
+        return self.materials.in_variant(None)
+
+    @property
+    def _normals_vary(self) -> bool:
+        """Whether variants have other normal maps."""
+        sources = self.materials.sources("normal")
+        tables = (table for _, table in self.materials.variants)
+        return any([sources[i] for i in table] != sources for table in tables)
 
     def _oriented(self) -> tuple[Mesh, LowNormals, tuple[str, ...]]:
         options = self.options
@@ -189,7 +203,7 @@ class Source:
             if rule.choice != "auto":
                 low = with_normals(low, rule.choice, angle=rule.angle)
         materials, baked, size = materials.used(), None, None
-        if report is not None and _is_atlas(low, threads):
+        if report is not None and _is_atlas(low, threads) and not self._normals_vary:
             low_poly = reaching(low, report)
             with self.stages.part("bake"):
                 low, materials, baked = self._with_baked_normals(high, low, low_poly, materials)
@@ -217,11 +231,11 @@ class Source:
         from texbake.jobs.material_transfer import texture_size
 
         options = self.options
-        size = options.size or texture_size(self.materials, LEAST_SIZE, MOST_SIZE)
+        size = options.size or texture_size(self._shown, LEAST_SIZE, MOST_SIZE)
         chosen = low_poly.aimed(options.bake_options(("normal",), size, DEFAULT_PADDING))
         baked = bake_objects(
             high, low, chosen, pair=len(set(low.group_objects)) <= _MOST_PAIRED,
-            materials=self.materials, progress=self.progress,
+            materials=self._shown, progress=self.progress,
         )  # fmt: skip
         codes = encode_normals(
             baked.maps["normal"].values, bits=8, convention="opengl", threads=options.threads
@@ -237,15 +251,18 @@ class Source:
         return low, replace(materials, materials=items), replace(baked.report, padding_meets=0)
 
     def _with_new_uvs(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
-        from texbake.jobs.material_transfer import (
-            encoded_channels,
-            shared_materials,
-            transferred_channels,
+        from texbake.baking.parts.bake_parts import bake_objects
+        from texbake.jobs.baked_materials import (
+            MaterialBaker,
+            check_variants,
+            needs_bake,
+            unbaked_images,
         )
+        from texbake.jobs.material_transfer import transferred_channels
 
-        materials, options, stages = self.materials, self.options, self.stages
-        stem = Path(self.mesh.name).stem
-        with stages.part("simplify"):
+        materials, options = self.materials, self.options
+        check_variants(materials, self.mesh.name)
+        with self.stages.part("simplify"):
             high, rule, notes = self._oriented()
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
             has_lost_edges = (
@@ -256,34 +273,36 @@ class Source:
                 rule = replace(rule, choice="angle")
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
-        maps = transferred_channels(materials)
-        if simplified is not None or any(materials.sources("normal")):
+        maps = transferred_channels(self._shown)
+        if simplified is not None or any(materials.sources("normal")) or needs_bake(materials):
             maps = ("normal", *maps)
         made: dict[str, Any] = {
             "warnings": notes if low_poly is None else (
                 *notes, *low_poly.why, *low_poly.report.notes
             ),
         }  # fmt: skip
-        pictures: list[Picture] = []
-        baked = None
+        result = None
         if maps:  # else the shape is as it was, and every channel is one number
-            low, baked, layout = self._baked(high, low, low_poly, rule, maps)
-            lines = (*made["warnings"], *layout["warnings"], *baked.report.warnings)
+            low, result, layout = self._baked(high, low, low_poly, rule, maps)
+            lines = (*made["warnings"], *layout["warnings"], *result.report.warnings)
             made |= {**layout, "warnings": lines}
 
-        def keep(name: str, codes: npt.NDArray[np.uint8], is_color: bool) -> bytes:
-            pictures.append(Picture(name, codes, is_color, is_normal=name == f"{stem}_normal"))
-            return b""
+        def bake(maps: tuple[str, ...], of: Materials) -> BakeResult:
+            assert result is not None
+            are_few = len(set(low.group_objects)) <= _MOST_PAIRED
+            chosen = replace(result.report.options, maps=maps)
+            with self.stages.part("bake"):
+                return bake_objects(high, low, chosen, pair=are_few, materials=of)
 
-        channels = encoded_channels(
-            {} if baked is None else baked.maps, materials, stem, encode=keep,
-            threads=options.threads,
+        baker = MaterialBaker(
+            low=low, high=self.mesh, materials=materials, name=Path(self.mesh.name).stem,
+            bake=bake, has_normals=simplified is not None, threads=options.threads,
         )  # fmt: skip
-        shared = shared_materials(
-            low, self.mesh, materials, channels, stem, threads=options.threads
-        )
+        shared = baker.baked({} if result is None else result.maps)
+        made["warnings"] = (*made["warnings"], *unbaked_images(materials))
+        pictures = tuple(baker.pictures)
         return LightModel(
-            mesh=low, materials=shared, pictures=tuple(pictures), simplified=simplified, **made
+            mesh=low, materials=shared, pictures=pictures, simplified=simplified, **made
         )
 
     def _baked(
@@ -298,7 +317,7 @@ class Source:
         from texbake.jobs.material_transfer import texture_size
 
         options = self.options
-        size: Size = options.size or texture_size(self.materials, LEAST_SIZE, MOST_SIZE)
+        size: Size = options.size or texture_size(self._shown, LEAST_SIZE, MOST_SIZE)
         with self.stages.part("unwrap"):
             low, unwrapped, notes = unwrap_to_fit(
                 low,
@@ -317,7 +336,7 @@ class Source:
             # Each object of few is baked from itself; of many, all from all, which takes less time.
             are_few = len(set(low.group_objects)) <= _MOST_PAIRED
             baked = bake_objects(
-                high, low, chosen, pair=are_few, materials=self.materials, progress=self.progress
+                high, low, chosen, pair=are_few, materials=self._shown, progress=self.progress
             )
             if chosen.front is None and are_few:  # otherwise they miss what fills the tunnels
                 baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)

@@ -257,7 +257,7 @@ def _write_page(
 
 def _materials(model: PathLike, mesh: Mesh) -> Materials:
     """Return the materials of a model; one without channels where it has none."""
-    found = model_materials(model, mesh)
+    found = model_materials(model, mesh, variants=True)
     if found is not None:
         return found
     return Materials(

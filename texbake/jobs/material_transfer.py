@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -147,6 +147,7 @@ def encoded_channels(
     encode: Callable[[str, npt.NDArray[np.uint8], bool], bytes] | None = None,
     threads: int | None = None,
     whole: Iterable[str] = (),
+    layouts: Sequence[ImageLayout] = LAYOUTS,
 ) -> dict[str, ChannelSource]:
     """Channels for a mesh from baked maps; `whole` images also hold constant channels.
 
@@ -165,9 +166,9 @@ def encoded_channels(
             values[channel] = maps[channel].values
         else:
             sources[channel] = ChannelSource(found)
-    for layout in (layout for layout in LAYOUTS if layout.name in whole):
+    for layout in (layout for layout in layouts if layout.name in whole):
         _fill(layout, values, sources)
-    pictures = [_picture(layout, values, threads) for layout in LAYOUTS if _present(layout, values)]
+    pictures = [_picture(layout, values, threads) for layout in layouts if _present(layout, values)]
     if "normal" in maps:
         vectors = maps["normal"].values
         codes = encode_normals(vectors, bits=8, convention="opengl", threads=threads)

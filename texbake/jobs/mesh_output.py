@@ -79,7 +79,10 @@ class MeshFileMaterials:
         if self.materials is None:
             return np.ones(n_faces, dtype=np.bool_), np.zeros(n_faces, dtype=np.bool_)
         kinds = [(item.is_opaque, not item.is_double_sided) for item in self.materials.materials]
-        is_opaque, is_one_sided = np.array(kinds)[self.materials.face_materials].T
+        sides = np.array(kinds)
+        for _, table in self.materials.variants:
+            sides &= sides[list(table)]
+        is_opaque, is_one_sided = sides[self.materials.face_materials].T
         return is_opaque, is_one_sided
 
     def rig_of(self, mesh: Mesh, output: PathLike) -> Rig | None:
@@ -191,7 +194,8 @@ def write_with_materials(
         else:
             from texbake.texture.material_images import mtl_images
 
-            materials, without = mtl_images(materials)
+            lost += ["material variants"] * bool(materials.variants)
+            materials, without = mtl_images(materials.in_variant(None))
             lost += without
             files = write_obj_materials(mesh, output, materials)
     if mesh.uv_sets and Path(output).suffix.lower() not in SUFFIXES_OF_UV_SETS:

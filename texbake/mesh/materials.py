@@ -175,6 +175,9 @@ class Materials:
     # that says so
     missing: tuple[tuple[str, str], ...] = ()
     missing_images: tuple[str, ...] = ()  # names of the images among that, as the file has them
+    # Names of variants of the model (KHR_materials_variants), each with the number of the material
+    # that it shows instead of each of `materials`.
+    variants: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     def __post_init__(self) -> None:
         ids = self.face_materials
@@ -205,10 +208,31 @@ class Materials:
         return replace(self, materials=materials, uv_sets={})
 
     def used(self) -> Materials:
-        """Return the materials that faces have, numbered without gaps."""
-        numbers, ids = np.unique(self.face_materials, return_inverse=True)
+        """Return the materials that faces have, also in variants, numbered without gaps."""
+        shown = np.unique(self.face_materials)
+        tables = np.array([table for _, table in self.variants], np.int32)
+        tables = tables.reshape(-1, len(self.materials))
+        numbers = np.unique(np.concatenate([shown, tables[:, shown].ravel()]))
         items = tuple(self.materials[number] for number in numbers.tolist())
-        return replace(self, face_materials=ids.ravel().astype(np.int32), materials=items)
+        # What no face shows by default keeps its place in variants.
+        tables = np.where(np.isin(numbers, shown), tables[:, numbers], numbers)
+        names = (name for name, _ in self.variants)
+        rows = np.searchsorted(numbers, tables).tolist()
+        return replace(
+            self,
+            face_materials=np.searchsorted(numbers, self.face_materials).astype(np.int32),
+            materials=items,
+            variants=tuple((name, tuple(row)) for name, row in zip(names, rows, strict=True)),
+        )
+
+    def in_variant(self, number: int | None) -> Materials:
+        """Return the materials of a variant by its number, or those shown by default, alone."""
+        if not self.variants:
+            return self
+        ids = self.face_materials
+        if number is not None:
+            ids = np.array(self.variants[number][1], np.int32)[ids]
+        return replace(self, face_materials=ids, variants=()).used()
 
     def only(self, channels: Collection[str]) -> Materials:
         """Return the materials with some of their channels."""

@@ -16,7 +16,7 @@ from texbake.mesh.mesh import Mesh
 from texbake.texture.image import require_whole
 
 
-def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
+def read_materials(path: PathLike, mesh: MeshLike, *, variants: bool = False) -> Materials | None:
     """Read the materials of a mesh file: of OBJ with its .mtl files, glTF, FBX and USD.
 
     A warning names each image that is missing or damaged, and its material keeps the factors of its
@@ -28,6 +28,9 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
         The file that the mesh was read from.
     mesh
         As it was read.
+    variants
+        Whether to read the materials of all variants of a glTF file (KHR_materials_variants), which
+        `write_mesh` writes to a GLB file. By default, materials are those shown without a variant.
 
     Returns
     -------
@@ -42,6 +45,8 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
         It is damaged, or its images have too many pixels together.
     """
     materials = of_mesh.read_materials(path, mesh)
+    if materials is not None and not variants:
+        materials = materials.in_variant(None)
     if materials is None or as_mesh(mesh).uvs is None:
         return materials  # no image lies on the mesh
     materials, lines = without_damaged_images(materials)
@@ -50,9 +55,9 @@ def read_materials(path: PathLike, mesh: MeshLike) -> Materials | None:
     return materials
 
 
-def model_materials(path: PathLike, mesh: Mesh) -> Materials | None:
+def model_materials(path: PathLike, mesh: Mesh, *, variants: bool = False) -> Materials | None:
     """Return the materials of a model file, or else its vertex colors; None if it has neither."""
-    found = read_materials(path, mesh)
+    found = read_materials(path, mesh, variants=variants)
     if found is not None and mesh.uvs is None and found.has_images:
         warn_of(path, "it has no texture coordinates; its images are left out")
         found = found.without_images()

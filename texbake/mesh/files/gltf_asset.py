@@ -68,9 +68,8 @@ class GltfAsset:
             self.require(EXTENSION)
 
     def append_material(self, content: dict[str, Any]) -> int:
-        """Add a material as glTF has it, and return its index."""
-        self._json["materials"].append(content)
-        return len(self._json["materials"]) - 1
+        """Add a material as glTF has it unless it is there, and return its index."""
+        return self._index("materials", content)
 
     def add_material(
         self,
@@ -189,6 +188,11 @@ class GltfAsset:
             file.write(text)
             file.write(struct.pack("<II", self._n_bytes, gltf.BINARY_CHUNK))
             file.writelines(self._parts)
+
+    def extend(self, extension: str, content: dict[str, Any]) -> None:
+        """Add what an extension holds for the file as a whole."""
+        self.use(extension)
+        self._json.setdefault("extensions", {})[extension] = content
 
     def use(self, extension: str) -> None:
         """Name an extension among those that the file uses."""

@@ -35,6 +35,7 @@ CARRIED: Mapping[str, tuple[str, ...]] = {
     ),
 }  # fmt: skip
 """Names of extensions, and the properties of each."""
+VARIANTS = "KHR_materials_variants"
 
 
 def read_extensions(

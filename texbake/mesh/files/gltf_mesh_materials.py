@@ -15,13 +15,13 @@ from urllib.parse import unquote
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import shortened
+from texbake.errors import FileFormatError, shortened
 from texbake.files import PathLike
 from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
-from texbake.mesh.files.conversion import media_type
-from texbake.mesh.files.gltf import scene_nodes
+from texbake.mesh.files.conversion import as_text, media_type
+from texbake.mesh.files.gltf import indices, scene_nodes
 from texbake.mesh.files.gltf_document import FLIP, Document, read_document
-from texbake.mesh.files.gltf_extensions import CARRIED, read_extensions
+from texbake.mesh.files.gltf_extensions import CARRIED, VARIANTS, read_extensions
 from texbake.mesh.files.gltf_materials import (
     OF_TEXTURE,
     GltfSource,
@@ -45,6 +45,8 @@ from texbake.mesh.materials import (
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 from texbake.records import dataclass
 
+_MOST_VARIANTS = 256
+
 
 def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Read the materials of a glTF file; None where no primitive has one, nor vertex colors."""
@@ -59,20 +61,33 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
                 items = document.objects(source, "primitives")
                 of_meshes[index] = [item for item in items if triangle_count(document, item)]
             primitives += of_meshes[index]
-    used = [material_index(document, primitive) for primitive in primitives]
-    found = materials_by_face(mesh, used)
-    if found is None or (all(index is None for index in used) and mesh.colors is None):
-        return None
-    order, face_materials = found
     reader = _MaterialReader(document)
+    names = _variant_names(reader)
+    rows = {
+        key: _shown_materials(reader, primitive, len(names))
+        for key, primitive in {id(item): item for item in primitives}.items()
+    }
+    used = [rows[id(primitive)] for primitive in primitives]
+    found = materials_by_face(mesh, used)
+    if found is None or (all(set(shown) == {None} for shown in used) and mesh.colors is None):
+        return None
+    shown, face_materials = found
+    order = [default for default, *_ in shown]
+    order += sorted({i for _, *others in shown for i in others if i is not None} - set(order))
+    places = {index: place for place, index in reversed(list(enumerate(order)))}
+    of_others = range(len(shown), len(order))
+    variants = tuple(
+        (name, (*(places[row[1 + k]] for row in shown), *of_others)) for k, name in enumerate(names)
+    )
     on_all_sets = Materials(
         face_materials=face_materials,
         materials=tuple(reader.material(index) for index in order),
         has_vertex_colors=mesh.colors is not None,
+        variants=variants,
     )
     unread = Counter(
         part
-        for index in order
+        for index in dict.fromkeys(order)
         for part in unread_extensions(document, index)
         if part not in CARRIED
     )
@@ -81,6 +96,39 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     uv_sets = reader.uv_sets(on_all_sets.image_uv_sets - {0}, primitives, mesh)
     materials = tuple(material.on_uv_sets({0, *uv_sets}) for material in on_all_sets.materials)
     return replace(on_all_sets, materials=materials, uv_sets=uv_sets, **reader.missing.fields())
+
+
+def _variant_names(reader: _MaterialReader) -> list[str]:
+    """Names of the variants of a file."""
+    document, items = reader.document, []
+    try:
+        extensions = document.mapping(document.content, "extensions")
+        items = document.objects(document.mapping(extensions, VARIANTS), "variants")
+    except FileFormatError as error:
+        reader.missing.add("", f"variants are not read: {error}")
+    if len(items) > _MOST_VARIANTS:
+        reader.missing.add("", f"{_MOST_VARIANTS} of {len(items):,} variants are read")
+    named = enumerate(items[:_MOST_VARIANTS])
+    return [as_text(str(item.get("name") or f"variant {i}")) for i, item in named]
+
+
+def _shown_materials(
+    reader: _MaterialReader, primitive: dict[str, Any], n_variants: int
+) -> tuple[int | None, ...]:
+    """Indices of a primitive's materials: by default, and in each variant."""
+    document = reader.document
+    shown = [material_index(document, primitive)] * (1 + n_variants)
+    try:
+        extensions = document.mapping(primitive, "extensions")
+        for mapping in document.objects(document.mapping(extensions, VARIANTS), "mappings"):
+            index = document.integer(mapping, "material")
+            document.item("materials", index)
+            for number in indices(document, mapping, "variants"):
+                if 0 <= number < n_variants:
+                    shown[1 + number] = index
+    except FileFormatError as error:
+        reader.missing.add("", f"materials of variants are not read: {error}")
+    return tuple(shown)
 
 
 @dataclass(eq=False)

@@ -127,12 +127,13 @@ class RigWriter:
             "cameras": rig.get("cameras"),
             "skins": skins,
             "animations": list(self._animations()),
-            "extensions": rig.get("extensions"),
         }
         used = {name for node in self.nodes for name in node.get("extensions", ())}
         for name in sorted({*used, *rig.get("extensions", ())}):
             self.asset.use(name)
         self.asset.adopt({key: value for key, value in content.items() if value})
+        for name, extension in rig.get("extensions", {}).items():
+            self.asset.extend(name, extension)
 
     def _written_skins(self) -> list[dict[str, Any]]:
         """Write the skins of nodes, which get their new numbers."""

@@ -29,9 +29,10 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError, first_few, warn_of
 from texbake.files import PathLike
-from texbake.mesh.files.conversion import far_origin, float32_positions, require_uvs
+from texbake.mesh.files.conversion import as_text, far_origin, float32_positions, require_uvs
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import QUANTIZATION, Quantization
+from texbake.mesh.files.gltf_extensions import VARIANTS
 from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
 from texbake.mesh.files.gltf_rig_write import RigWriter
 from texbake.mesh.files.gltf_vertices import CornerVertices, Frame
@@ -97,6 +98,9 @@ def write_glb(
             nodes.append(asset.add_node(label, children=children))
         asset.place(nodes[0])
         asset.set_levels(nodes[0], nodes[1:], shares)
+    if materials is not None and materials.variants:
+        variants = [{"name": as_text(name)} for name, _ in materials.variants]
+        asset.extend(VARIANTS, {"variants": variants})
     asset.write(path)
 
 
@@ -207,6 +211,15 @@ class _PrimitiveWriter:
         primitive = asset.add_primitive(found.columns, found.indices, self._material(number, frame))
         if found.morphs:
             primitive["targets"] = [asset.add_morph(columns) for columns in found.morphs]
+        materials = self.vertices.materials
+        tables = [] if materials is None else [table for _, table in materials.variants]
+        if any(table[number] != number for table in tables):
+            of_materials: dict[int, list[int]] = {}
+            for variant, table in enumerate(tables):
+                index = self._material(table[number], frame)
+                of_materials.setdefault(index, []).append(variant)
+            mappings = [{"material": i, "variants": of_it} for i, of_it in of_materials.items()]
+            primitive["extensions"] = {VARIANTS: {"mappings": mappings}}
         return primitive
 
     def _material(self, number: int, frame: Frame | None) -> int:
