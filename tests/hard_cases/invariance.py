@@ -104,7 +104,6 @@ class MeshPair:
         return np.array(self.change.linear, float)
 
     def points(self, points):
-        """Points before the change as they are after it."""
         return np.asarray(points @ self.linear.T * self.scale + self.offset)
 
 
@@ -254,7 +253,6 @@ def number(value, both=None, unit=NUMBER, **bounds):
 
 
 def fixed(**values):
-    """Quantities that no change of the mesh changes."""
     return {
         name: Quantity(values=np.asarray(value), turn=0.0, order=0.0)
         for name, value in values.items()

@@ -201,7 +201,6 @@ def charted(**options):
 
 
 def classical(method, **options):
-    """A classical mapping."""
     # The axis of a cylinder, and the eye of a reflection, are points of the model, rounded where it
     # is; and where the surface leads past the tangent of a cylinder, the square root of that
     # counts.

@@ -27,7 +27,6 @@ N = 3000
 
 
 def of_corners(corners):
-    """A mesh of triangles that share no vertex."""
     points = np.reshape(corners, (-1, 3))
     return Mesh(positions=points, faces=np.arange(len(points), dtype=np.int32).reshape(-1, 3))
 
@@ -48,7 +47,6 @@ def stacks(n=N, n_different=20):
 
 
 def crossing(n):
-    """Triangles as large as the cube that they lie in."""
     return of_corners(np.random.default_rng(7).random((3 * n, 3)))
 
 

@@ -46,17 +46,6 @@ def test_a_hemisphere_is_weighted_by_how_far_the_normal_points_up(wall, up, tilt
     )
 
 
-def test_emission_is_added_and_needs_no_light(wall):
-    glowing = (2.0, 0.5, 0.25)
-    for shading in "unlit", "lambert":
-        found = wall.light(
-            Material(shading=shading, base_color=tuple(BASE), emission=glowing),
-            Lighting(ambient=Ambient(color=tuple(SKY))),
-        )
-        seen = BASE if shading == "unlit" else BASE * SKY
-        np.testing.assert_allclose(found, everywhere(seen + glowing), **CLOSE)
-
-
 @pytest.mark.parametrize("metalness", [None, 0.25])
 def test_a_light_map_is_scattered_by_the_dull_part(wall, metalness):
     rng = np.random.default_rng(1)

@@ -120,21 +120,6 @@ def test_coordinates_of_a_billion(size):
         finite_picture(scene, Camera.framing(moved, options=options), options)
 
 
-def test_degenerate_meshes_under_every_material_and_light():
-    rng = np.random.default_rng(4)
-    positions = rng.normal(size=(40, 3))
-    positions[10:20] = positions[0]
-    positions[20:25, 1:] = 0.0
-    faces = rng.integers(0, 40, (80, 3)).astype(np.int32)
-    mesh = Mesh(
-        positions=positions, faces=faces, uvs=rng.normal(size=(40, 2)), uv_faces=faces,
-        normals=np.zeros((1, 3)), normal_faces=np.zeros_like(faces),
-    )  # fmt: skip
-    options = RenderOptions(width=32, height=24, back_faces="show")
-    for scene in all_materials(mesh):
-        assert finite_picture(scene, options=options).coverage.max() > 0.0
-
-
 @pytest.mark.parametrize("make", [
     lambda bad: Material(base_color=(bad, 0.0, 0.0)),
     lambda bad: Material(roughness=bad),

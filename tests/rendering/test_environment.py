@@ -10,7 +10,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.environment import turn_of
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import AmbientOcclusion, Environment, Fog, Light, Lighting
+from texbake.rendering.scene.lights import Environment, Fog, Lighting
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import Scene, SceneObject
 
@@ -165,17 +165,6 @@ def test_occlusion_of_the_material_holds_back_the_environment(wall):
     full = wall.light(Material(roughness=0.6), sky)
     held = wall.light(Material(roughness=0.6, occlusion=0.25), sky)
     np.testing.assert_allclose(held, 0.25 * full, rtol=1e-5)
-
-
-def test_environment_and_lamps_add_up(wall):
-    sky, sun = Environment(color=(0.5, 0.5, 0.5), lighting=True), Light(direction=(0, -0.5, -1))
-    both = wall.light(Material(), Lighting(environment=sky, lights=(sun,)))
-    apart = wall.light(Material(), Lighting(environment=sky)) + wall.light(
-        Material(), Lighting(lights=(sun,))
-    )
-    np.testing.assert_allclose(both, apart, rtol=1e-6)
-    nothing_near = Lighting(environment=sky, lights=(sun,), occlusion=AmbientOcclusion())
-    np.testing.assert_allclose(wall.light(Material(), nothing_near), both, atol=1e-6)
 
 
 # Fog.

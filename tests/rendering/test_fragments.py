@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from texbake.core import core
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -105,33 +104,3 @@ def test_multisampling_is_supersampling_where_color_is_flat(mesh):
     np.testing.assert_allclose(pictures[0][0], pictures[1][0], atol=1e-6)
     np.testing.assert_array_equal(pictures[0][1], pictures[1][1])
     assert 0.0 < (pictures[0][1] % 1.0 > 0).mean() < 0.5
-
-
-def random_fragments():
-    """Triangles in space, and places and motions of pixels on them in barycentric coordinates."""
-    rng = np.random.default_rng(0)
-    faces, weights = rng.integers(0, 9, 50).astype(np.int32), rng.random((50, 2))
-    return rng, faces, weights, rng.normal(size=(50, 4)).astype(np.float32)
-
-
-def test_a_pixel_is_as_wide_as_its_longer_step_on_the_surface():
-    rng, faces, _, changes = random_fragments()
-    corners, steps = rng.normal(size=(9, 3, 3)), np.empty((50, 2))
-    of_faces = np.arange(27, dtype=np.int32).reshape(9, 3)
-    core.measure_pixel_steps(corners.reshape(-1, 3), of_faces, faces, changes, steps)
-    edges = (corners[:, 1:] - corners[:, :1])[faces]
-    moves = np.einsum("nxk,nki->nxi", changes.reshape(-1, 2, 2), edges)
-    longer = np.linalg.norm(moves, axis=2).max(axis=1)
-    np.testing.assert_allclose(steps, np.stack([longer, longer], axis=1), rtol=1e-12)
-
-
-def test_weights_and_motions_on_a_piece_become_those_on_its_triangle():
-    rng, faces, weights, changes = random_fragments()
-    corners = rng.random((9, 3, 2)).astype(np.float32)
-    found, found_changes = np.empty((50, 2)), np.empty((50, 4), np.float32)
-    core.move_to_base(faces, weights, changes, corners, found, found_changes)
-    edges = (corners[:, 1:] - corners[:, :1])[faces].astype(np.float64)
-    expected = corners[faces, 0] + np.einsum("nk,nki->ni", weights, edges)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-    moved = np.einsum("nxk,nki->nxi", changes.reshape(-1, 2, 2), edges)
-    np.testing.assert_allclose(found_changes, moved.reshape(-1, 4), atol=1e-6)

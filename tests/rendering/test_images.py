@@ -156,13 +156,6 @@ def test_a_normal_map_says_how_it_is_decoded(convention, space):
     np.testing.assert_allclose(decoded, vectors, atol=4e-5)
 
 
-def test_an_array_is_decoded_already():
-    vectors = some_normals()
-    decoded, space = normals_from(vectors)
-    assert space == "tangent"
-    np.testing.assert_array_equal(decoded, vectors)
-
-
 def test_heights_are_decoded_as_their_file_says():
     pixels = np.array([[[0.0], [0.5], [1.0]]], np.float32)
     metadata = {"texbake:displacement_mid": 0.5, "texbake:displacement_scale": 4.0}

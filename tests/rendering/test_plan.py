@@ -460,20 +460,6 @@ def test_what_is_unlit_or_out_of_the_picture_calls_for_hardly_anything():
     assert [item.name for item in plan.passes] == ["placing"]
 
 
-def test_each_call_names_who_asks_and_each_need_for_what():
-    the_scene = scene(lambert(normal_map=normals()), unlit(), lighting=lit(SUN))
-    plan = plan_of(prepare(the_scene, SMALL), camera_for(SMALL))
-    calls = {item.name: item.activations for item in plan.passes}
-    assert calls["normal map"] == (
-        Activation(0, 'object "item 0"', "its material has a normal map"),
-        Activation(0, 'object "item 0"', "for lambert"),
-    )
-    assert calls["tangents"] == (Activation(0, 'object "item 0"', "for normal map"),)
-    assert calls["unlit"] == (Activation(1, 'object "item 1"', "its shading is unlit"),)
-    assert [effect.name for effect in plan.for_target(1)] == ["placing", "slots", "unlit"]
-    assert plan.has("unlit", 1) and not plan.has("unlit", 0) and plan.has("unlit")
-
-
 def fake(name, *, calls=(), needs=(), of="object"):
     return Effect(
         name=name, does=name, of=of, activations=lambda request: list(calls), left_out=f"no {name}",

@@ -134,11 +134,6 @@ def test_light_from_behind_the_surface_adds_nothing(wall):
         assert not wall.light(Material(shading=shading), behind).any()
 
 
-def test_unlit_shows_its_base_color_whatever_the_light(wall):
-    found = wall.light(Material(shading="unlit", base_color=tuple(BASE)), LAMPS)
-    np.testing.assert_allclose(found, np.broadcast_to(BASE, found.shape), rtol=1e-7)
-
-
 def test_a_smooth_mirror_stays_finite(wall):
     eye = unit(wall.camera.eye - wall.points[8, 12])
     mirrored = 2 * eye[2] * np.array((0, 0, 1.0)) - eye

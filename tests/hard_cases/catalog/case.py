@@ -37,7 +37,6 @@ class Case(Generic[T]):
 
 
 def only(cases, trait):
-    """Cases that have a trait."""
     return tuple(case for case in cases if trait in case.traits)
 
 

@@ -48,13 +48,11 @@ def _rays_along(surface, via):
 _SIXTEENTH = 1.0 / 16.0 + 1e-12
 
 MAPPINGS: tuple[Case[Mapping], ...] = (
-    *(Case(name=f"points on the axis, {method}",
-           wrong="the point has no angle: atan2(0, 0)",
+    *(Case(name=f"points on the axis, {method}", wrong="the point has no angle: atan2(0, 0)",
            make=lambda method=method: Mapping(
                _around_an_axis(), {"method": method, "axis": "y", "center": (0, 0, 0)}))
       for method in ("cylindrical", "spherical")),
-    Case(name="point in the center of the sphere",
-         wrong="the direction is 0 / 0",
+    Case(name="point in the center of the sphere", wrong="the direction is 0 / 0",
          make=lambda: Mapping(_around_an_axis(), {"method": "spherical", "center": (0, 0, 0)})),
     Case(name="arccos at its ends",
          wrong="the arc cosine of 1 + 2^-52 is NaN, and 1 - 1e-18 rounds to 1",

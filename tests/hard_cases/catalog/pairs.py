@@ -40,7 +40,6 @@ def _thin_wall():
 
 
 def _one_triangle():
-    """One large high-poly triangle above many low-poly ones."""
     high = mesh_of([[-9.0, -9.0, 0.01], [9.0, -9.0, 0.01], [0.0, 19.0, 0.01]], [[0, 1, 2]])
     return Pair(high, plane(16, 16), 0.01)
 
@@ -50,22 +49,17 @@ PAIRS: tuple[Case[Pair], ...] = (
          wrong="the ray distance is measured from a few vertices, and rays end before the surface",
          make=_one_triangle),
     Case(name="wall thinner than the cage",
-         wrong="rays pass through the wall and hit its other side",
-         make=_thin_wall),
-    Case(name="high-poly mesh equal to the low-poly one",
-         wrong="a ray distance of 0 hits nothing",
+         wrong="rays pass through the wall and hit its other side", make=_thin_wall),
+    Case(name="high-poly mesh equal to the low-poly one", wrong="a ray distance of 0 hits nothing",
          make=lambda: Pair(plane(4, 4), plane(4, 4), 0.0)),
-    Case(name="high-poly mesh with a hole",
-         wrong="the colors around the hole are smeared over it",
+    Case(name="high-poly mesh with a hole", wrong="the colors around the hole are smeared over it",
          make=lambda: Pair(
              mesh_of(plane(8, 8).positions, np.delete(plane(8, 8).faces, slice(40, 60), axis=0)),
              plane(4, 4), 0.0)),
-    Case(name="high-poly mesh inside out",
-         wrong="every hit is culled, and the map is empty",
+    Case(name="high-poly mesh inside out", wrong="every hit is culled, and the map is empty",
          make=lambda: Pair(
              mesh_of(plane(4, 4).positions, plane(4, 4).faces[:, ::-1]), plane(4, 4), 0.0)),
-    Case(name="high-poly mesh elsewhere",
-         wrong="rays of unlimited length hit whatever lies behind",
+    Case(name="high-poly mesh elsewhere", wrong="rays of unlimited length hit whatever lies behind",
          make=lambda: Pair(moved(icosphere(1), 1.0, (1e3, 0.0, 0.0)), uv_sphere(6, 12), 0.0),
          traits=frozenset({"apart"})),
 )  # fmt: skip

@@ -52,7 +52,6 @@ def _along_faces():
 
 
 def _touching():
-    """Lines that touch a ball at its vertices."""
     mesh = icosphere(4)
     targets = LocalFrame.around(mesh).to_local(mesh.positions)
     along = np.cross(targets, np.random.default_rng(0).normal(size=targets.shape))
@@ -60,22 +59,16 @@ def _touching():
 
 
 RAYS: tuple[Case[Aimed], ...] = (
-    Case(name="closed mesh hit at vertices",
-         wrong="each triangle leaves the hit to its neighbors",
+    Case(name="closed mesh hit at vertices", wrong="each triangle leaves the hit to its neighbors",
          make=lambda: _at_vertices(icosphere(4))),
-    Case(name="cube hit at corners",
-         wrong="along the diagonal, all sides are hit at their corners",
+    Case(name="cube hit at corners", wrong="along the diagonal, all sides are hit at their corners",
          make=lambda: _at_vertices(cube())),
     Case(name="closed mesh hit at edges",
          wrong="both faces leave the hit to the other one, or both count it",
          make=lambda: _at_edges(icosphere(3))),
-    Case(name="cube hit at edges",
-         wrong="barycentric coordinates come out as -1e-17",
+    Case(name="cube hit at edges", wrong="barycentric coordinates come out as -1e-17",
          make=lambda: _at_edges(cube())),
     Case(name="closed mesh hit tangentially",
-         wrong="the ray enters through an edge and ends inside",
-         make=_touching),
-    Case(name="rays in the plane of a face",
-         wrong="the distance is 0 / 0",
-         make=_along_faces),
+         wrong="the ray enters through an edge and ends inside", make=_touching),
+    Case(name="rays in the plane of a face", wrong="the distance is 0 / 0", make=_along_faces),
 )  # fmt: skip
