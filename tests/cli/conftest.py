@@ -24,13 +24,11 @@ KNOWN_LINE = re.compile(
 
 @pytest.fixture(scope="session")
 def only_known_lines():
-    """Whether all lines of a text are warnings or progress."""
     return lambda text: all(KNOWN_LINE.fullmatch(row) for row in text.splitlines())
 
 
 @pytest.fixture(scope="session")
 def script():
-    """The installed console script."""
     beside = Path(sysconfig.get_path("scripts")) / "texbake"
     found = beside if beside.is_file() else shutil.which("texbake")
     assert found, "the texbake script is not installed"
@@ -52,7 +50,6 @@ def pair(tmp_path_factory):
 
 @pytest.fixture
 def workplace(pair, tmp_path, monkeypatch):
-    """A current folder with links to the pair."""
     for file in pair.iterdir():
         os.link(file, tmp_path / file.name)
     monkeypatch.chdir(tmp_path)

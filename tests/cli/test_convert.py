@@ -1,7 +1,5 @@
-"""`convert`, `transform` and `repair`: what they write and say, and `python -m texbake`."""
+"""`convert`, `transform` and `repair`: what they write and say."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -50,13 +48,6 @@ def test_repairs_are_counted(tmp_path, invoke):
     kept = invoke(f"repair {tmp_path}/twice.ply -o {tmp_path}/kept.ply --no-duplicates")
     assert "duplicate" not in kept.output
     assert read_mesh(tmp_path / "kept.ply").n_faces == 2 * ball.n_faces
-
-
-def test_the_package_is_a_program(workplace):
-    command = [sys.executable, "-P", "-m", "texbake", "convert", "low.obj", "low.off"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.endswith("wrote low.off\n")
 
 
 @pytest.mark.parametrize("suffix", [".obj", ".ply", ".glb"])

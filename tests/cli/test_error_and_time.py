@@ -18,7 +18,6 @@ PICTURE = "preview cube.obj --size 96x64"
 
 @pytest.fixture(autouse=True)
 def meshes(tmp_path, monkeypatch):
-    """A current folder with a pair and a cube."""
     monkeypatch.chdir(tmp_path)
     write_mesh(plane(40, 40, lambda x, y: 0.05 * abs((7 * x) % 1 - 0.5)), "high.obj")
     write_mesh(plane(), "low.obj")

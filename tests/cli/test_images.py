@@ -93,22 +93,6 @@ def test_heights_come_back_through_files(shop, invoke):
     assert np.abs(first - again).max() < 0.01
 
 
-def test_a_photograph_lies_where_the_mesh_unwrapped_onto_it_says(shop, invoke):
-    """A photograph that is red as it goes right and green as it goes up, at (v, 1 - u)."""
-    steps = (np.arange(32) + 0.5) / 32
-    s, t = np.meshgrid(steps, steps[::-1])
-    write_image(np.stack([s, t, np.zeros_like(s)], axis=2), "photo.png", color=True)
-    mesh = plane()
-    assert mesh.uvs is not None
-    turned = np.stack([mesh.uvs[:, 1], 1.0 - mesh.uvs[:, 0]], axis=1)
-    write_mesh(mesh.replace(uvs=turned), "turned.obj")
-    invoke("bake-texture plane.obj -o t.png --photo photo.png --photo-uvs turned.obj --size 32")
-    baked = read_image("t.png", color=True).pixels[1:-1, 1:-1, :3]
-    u, v = (part[1:-1, 1:-1] for part in np.meshgrid(steps, steps[::-1]))
-    # Two roundings to codes, which lie at most 0.009 of linear light apart.
-    np.testing.assert_allclose(baked, np.stack([v, 1.0 - u, 0.0 * u], axis=2), atol=0.01)
-
-
 def stored(path):
     image = read_image(path, color=False)
     assert not image.is_float

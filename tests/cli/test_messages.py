@@ -74,24 +74,21 @@ def command_of(name):
     return found
 
 
-@pytest.mark.parametrize(
-    ("name", "message", "shown"),
-    [
-        ("bake", "max_error: 'x' is no error", "--max-error: 'x' is no error"),
-        ("bake", "front, back: both are 0", "--front, --back: both are 0"),
-        ("bake", "keep_hits: not kept", "keep_hits: not kept"),  # bake has no such flag
-        ("run", "n_faces: 3 is out of range", "--faces: 3 is out of range"),
-        ("bake", "5 % missed; raise `front`, or see `miss_map`", "5 % missed; raise --front, or "
-         "see --miss-map"),
-        ("bake", "bake with `samples=16`", "bake with --samples 16"),
-        ("bake", 'rays along `rays="vertex"`', "rays along --rays vertex"),
-        ("bake", "or `cull_back_faces=False`", "or --hit-back-faces"),
-        ("bake", "`high` has no faces", "HIGH has no faces"),
-        ("bake-texture", "cameras: 0 are given", "--camera: 0 are given"),
-        ("info", "a greater `max_error`", "a greater `max_error`"),
-        ("info", "a.ply: there is no such file", "a.ply: there is no such file"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "message", "shown"), [
+    ("bake", "max_error: 'x' is no error", "--max-error: 'x' is no error"),
+    ("bake", "front, back: both are 0", "--front, --back: both are 0"),
+    ("bake", "keep_hits: not kept", "keep_hits: not kept"),  # bake has no such flag
+    ("run", "n_faces: 3 is out of range", "--faces: 3 is out of range"),
+    ("bake", "5 % missed; raise `front`, or see `miss_map`", "5 % missed; raise --front, or "
+     "see --miss-map"),
+    ("bake", "bake with `samples=16`", "bake with --samples 16"),
+    ("bake", 'rays along `rays="vertex"`', "rays along --rays vertex"),
+    ("bake", "or `cull_back_faces=False`", "or --hit-back-faces"),
+    ("bake", "`high` has no faces", "HIGH has no faces"),
+    ("bake-texture", "cameras: 0 are given", "--camera: 0 are given"),
+    ("info", "a greater `max_error`", "a greater `max_error`"),
+    ("info", "a.ply: there is no such file", "a.ply: there is no such file"),
+])  # fmt: skip
 def test_parameters_become_flags(name, message, shown):
     assert with_flags(message, command_of(name)) == shown
 

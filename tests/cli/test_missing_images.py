@@ -149,9 +149,7 @@ def test_unread_parts_of_materials_are_named(tmp_path, monkeypatch, command):
     monkeypatch.chdir(tmp_path)
     extensions = {
         "KHR_materials_iridescence": {"iridescenceFactor": 1.0},
-        "KHR_materials_clearcoat": {
-            "clearcoatFactor": 1.0, "clearcoatNormalTexture": {"index": 0},
-        },
+        "KHR_materials_clearcoat": {"clearcoatFactor": 1.0, "clearcoatNormalTexture": {"index": 0}},
     }  # fmt: skip
     path = model(
         tmp_path, extensions=extensions, extensionsUsed=["KHR_materials_iridescence"],

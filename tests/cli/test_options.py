@@ -10,7 +10,6 @@ from texbake_cli.options import IMAGE_SUFFIXES
 from writing_commands import LINES
 
 from texbake import BakeOptions, RenderOptions, RunOptions, UnwrapOptions, write_mesh
-from texbake.baking.options import SecondaryOptions
 from texbake.jobs.options import DemoOptions
 from texbake.mesh.shapes import cube
 from texbake.texture.image_formats import check_image_format
@@ -86,18 +85,6 @@ def test_a_preview_overrides_only_set_options_and_shows_all_defaults():
     size = f"{options.width}x{options.height}"
     for default in (size, view, options.up, options.supersampling, options.edges):
         assert f"[default: {default}]" in shown
-
-
-@pytest.mark.parametrize("line", ["bake-normals a b -o c.png", "bake a b -o c"])
-def test_every_choice_of_a_bake_can_be_made(line):
-    # keep_hits is for scripts, which have the result in their hands; a file has no hits.
-    fields = {field.name for field in dataclasses.fields(BakeOptions)} - {"keep_hits"}
-    if line.startswith("bake-normals"):
-        of_other_maps = {"mid", "scale", "curvature_scale", "vertex_colors"}
-        fields -= {"maps", *of_other_maps} | {
-            field.name for field in dataclasses.fields(SecondaryOptions)
-        }
-    assert fields <= set(parsed(line))
 
 
 @pytest.mark.parametrize("suffix", IMAGE_SUFFIXES)

@@ -123,19 +123,6 @@ def test_a_plan_alone_draws_nothing(invoke, scene):
     assert json.loads((scene / "plan.json").read_text()) == plan | inputs
 
 
-def test_json_has_the_times_of_the_passes(invoke, scene):
-    invoke("preview ball.toml -o ball.png --report plan.json")
-    plan = json.loads((scene / "plan.json").read_text())
-    by_name = {item["name"]: item for item in plan["passes"]}
-    assert by_name["rasterizing"]["milliseconds"] > 0
-    # Two samples a side, a face and a depth of four bytes each.
-    assert by_name["rasterizing"]["bytes"] == 64 * 48 * 4 * 8
-    assert by_name["lambert"]["called_for_by"] == [
-        {"target": 0, "by": 'object "ball"', "why": "its shading is lambert"}
-    ]
-    assert {item["name"] for item in plan["left_out"]}.isdisjoint(by_name)
-
-
 @pytest.mark.parametrize(("options", "n_panels"), [
     ("--affine-vs-perspective", 2),
     ("--interpolation affine,scanline,perspective", 3),

@@ -10,13 +10,10 @@ import time
 from pathlib import Path
 
 import click
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from texbake_cli.main import COMMANDS, texbake
 from writing_commands import LINES, READING, contents, make_inputs
-
-from texbake import read_mesh
 
 N_KILLS = int(os.environ.get("TEXBAKE_KILLS", "4"))
 # What SIGKILL leaves behind, a later command removes: it comes last, before one that ends.
@@ -149,10 +146,3 @@ def test_what_cannot_be_printed(workplace, script, line):
     assert done.returncode == 1
     (said,) = done.stderr.splitlines()
     assert said == "texbake: standard output: cannot be written: No space left on device"
-
-
-def test_inputs_are_read_before_outputs_replace_them(workplace, invoke):
-    before = read_mesh("low.obj")
-    invoke("unwrap low.obj -o low.obj --size 128")
-    after = read_mesh("low.obj")
-    np.testing.assert_array_equal(before.positions, after.positions)

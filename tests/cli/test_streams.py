@@ -15,7 +15,6 @@ from texbake.mesh.shapes import uv_sphere
 
 @pytest.fixture
 def pipe(tmp_path, monkeypatch):
-    """Run a command with a file as its standard input."""
     monkeypatch.chdir(tmp_path)
     for suffix in WRITABLE_MESH_SUFFIXES:
         write_mesh(uv_sphere(6, 8), f"ball{suffix}")

@@ -25,7 +25,6 @@ CONTEXT = click.Context(texbake)
 
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
-    """A folder with everything that the lines of commands read."""
     folder = tmp_path_factory.mktemp("inputs")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -37,7 +36,6 @@ def inputs(tmp_path_factory):
 
 @pytest.fixture
 def run(inputs, tmp_path, monkeypatch):
-    """Run a command where its inputs are."""
     folder = tmp_path / "here"
     shutil.copytree(inputs, folder)
     monkeypatch.chdir(folder)
@@ -57,7 +55,6 @@ def prepared(name, run):
 
 
 def with_output(words, output):
-    """Return the words of a line with another output."""
     if "-o" not in words:
         return [*words[:-1], "-o", output]
     place = words.index("-o") + 1
@@ -154,7 +151,6 @@ def test_an_output_that_cannot_be_written_is_one_line(name, run):
 
 
 def wrong_values(item):
-    """Values of an option outside its range or its choices."""
     option = item.option
     if option.choices and not any(kind in (str, float, int) for kind in item.kinds[1:]):
         yield "nonsense"
