@@ -75,7 +75,6 @@ def wall():
 
 @pytest.fixture(scope="session")
 def images(tmp_path_factory):
-    """A folder with the images of random scenes."""
     folder = tmp_path_factory.mktemp("images")
     write_images(folder)
     return folder

@@ -121,7 +121,6 @@ def write_job(case, path, *, exact_levels):
 
 
 def drawn_by_peer(peer, cases, folder, *, exact_levels=False):
-    """Each case as a peer draws it."""
     jobs = [folder / f"{place}.npz" for place in range(len(cases))]
     for case, job in zip(cases.values(), jobs, strict=True):
         write_job(case, job, exact_levels=exact_levels)
@@ -178,7 +177,6 @@ def differences(case, theirs):
 
 
 def share_alike(codes, counted):
-    """Share of pixels that are as good as equal."""
     share = (codes[counted] <= CODES).mean()
     print(f"{100 * share:.2f} %, at most {codes[counted].max()} codes apart")
     return share

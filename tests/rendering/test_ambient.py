@@ -105,9 +105,7 @@ def test_a_plane_at_a_grazing_angle_has_none_either():
 def corner(camera, options, **occlusion):
     """Floor y = 0 and wall x = 0 that meet along z."""
     mesh = Mesh(
-        positions=[
-            [0, 0, -9], [0, 0, 9], [9, 0, 9], [9, 0, -9], [0, 9, -9], [0, 9, 9],
-        ],
+        positions=[[0, 0, -9], [0, 0, 9], [9, 0, 9], [9, 0, -9], [0, 9, -9], [0, 9, 9]],
         faces=[[0, 1, 2], [0, 2, 3], [0, 4, 5], [0, 5, 1]],
     )  # fmt: skip
     scene = Scene(objects=(SceneObject(mesh=mesh, material=WHITE),), lighting=lighting(**occlusion))

@@ -81,10 +81,7 @@ def test_factors_are_constants(asset, tmp_path):
         pbrMetallicRoughness={
             "baseColorFactor": [1, 0.25, 0, 0.5], "metallicFactor": 0.1, "roughnessFactor": 0.9,
         },
-        emissiveFactor=[0.5, 0, 1],
-        alphaMode="MASK",
-        alphaCutoff=0.25,
-        doubleSided=True,
+        emissiveFactor=[0.5, 0, 1], alphaMode="MASK", alphaCutoff=0.25, doubleSided=True,
         extensions={
             "KHR_materials_emissive_strength": {"emissiveStrength": 4},
             "KHR_materials_ior": {"ior": 1.33},
@@ -105,10 +102,8 @@ def test_textures_go_to_the_slots_and_channels_of_the_specification(asset, tmp_p
             "baseColorTexture": image, "metallicRoughnessTexture": image,
             "baseColorFactor": [1, 0.5, 0.25, 1], "roughnessFactor": 0.5, "metallicFactor": 0.75,
         },
-        normalTexture={**image, "scale": -0.5},
-        occlusionTexture={**image, "strength": 0.25},
-        emissiveTexture=image,
-        emissiveFactor=[1, 1, 1],
+        normalTexture={**image, "scale": -0.5}, occlusionTexture={**image, "strength": 0.25},
+        emissiveTexture=image, emissiveFactor=[1, 1, 1],
     )  # fmt: skip
     made = only_material(asset, tmp_path)
     base = made.base_color

@@ -178,7 +178,6 @@ VALUES: dict[str, str] = {
 
 
 def method_of(key):
-    """A mapping method that has an option."""
     if key in ("surface", "via", "eye"):
         return 'method = "two-part", via = "reflection", eye = [0, 0, 9]'
     if key in ("fov", "unseen"):

@@ -24,7 +24,6 @@ FLAT = np.eye(4)
 
 
 def drawn(positions, faces, matrix, width, height, back_faces="cull", **options):
-    """The visibility buffer of a single object."""
     world = join_objects([(np.asarray(positions, np.float64), np.asarray(faces, np.int32))])
     modes = np.array([SHOW_BACK if back_faces == "show" else CULL_BACK], np.uint8)
     return rasterize(world, matrix, width, height, modes=modes, **options)

@@ -268,19 +268,16 @@ def test_a_gltf_file_brings_its_own_materials(folder):
     assert other.material.base_color == (0.8, 0.8, 0.8)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x = ", "it is not TOML: Invalid value (at end of document)"),
-        ("[camra]\nfov = 3\n" + BALL, "camra: unknown key; did you mean 'camera'?"),
-        (BALL + "[bloom]", "bloom: unknown key; known: name, camera, render, ambient, "
-         "environment, fog, ambient_occlusion, lights, materials, objects"),
-        ("objects = []", "objects: it is empty; a scene needs at least one object"),
-        ("objects = 3", "objects: 3 is not a list; give one in brackets"),
-        ("[camera]\nfov = 30", "objects: it is missing; it must be given"),
-        (BALL + "material = 3", "objects[0].material: 3 is not a table; its keys are shading"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("text", "message"), [
+    ("x = ", "it is not TOML: Invalid value (at end of document)"),
+    ("[camra]\nfov = 3\n" + BALL, "camra: unknown key; did you mean 'camera'?"),
+    (BALL + "[bloom]", "bloom: unknown key; known: name, camera, render, ambient, "
+     "environment, fog, ambient_occlusion, lights, materials, objects"),
+    ("objects = []", "objects: it is empty; a scene needs at least one object"),
+    ("objects = 3", "objects: 3 is not a list; give one in brackets"),
+    ("[camera]\nfov = 30", "objects: it is missing; it must be given"),
+    (BALL + "material = 3", "objects[0].material: 3 is not a table; its keys are shading"),
+])  # fmt: skip
 def test_wrong_files(folder, text, message):
     with pytest.raises(FileFormatError) as caught:
         read(folder, text)

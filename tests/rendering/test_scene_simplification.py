@@ -238,19 +238,16 @@ BELOW = replace(BEHIND, position=(0.0, 0.0, 10.0), direction=(0.0, -3.0, -10.0),
 RELIEF = ImageTexture(image=np.random.default_rng(0).random((16, 16, 1)).astype(np.float32))
 
 
-@pytest.mark.parametrize(
-    ("light", "material", "n_maps"),
-    [
-        (BEHIND, LAMBERT, 0),
-        (replace(BEHIND, kind="point"), LAMBERT, 0),
-        (replace(BEHIND, kind="directional"), LAMBERT, 0),
-        *((replace(BEHIND, kind=kind), {**LAMBERT, "bump_map": BumpMap(texture=RELIEF, form=form)},
-           0) for kind in ("spot", "directional") for form in EMBOSS_FORMS),
-        (BELOW, LAMBERT, 0),
-        (replace(BELOW, direction=(0.0, 0.0, -1.0)), LAMBERT, 1),
-        (replace(BELOW, aspect=1.0), LAMBERT, 1),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("light", "material", "n_maps"), [
+    (BEHIND, LAMBERT, 0),
+    (replace(BEHIND, kind="point"), LAMBERT, 0),
+    (replace(BEHIND, kind="directional"), LAMBERT, 0),
+    *((replace(BEHIND, kind=kind), {**LAMBERT, "bump_map": BumpMap(texture=RELIEF, form=form)},
+       0) for kind in ("spot", "directional") for form in EMBOSS_FORMS),
+    (BELOW, LAMBERT, 0),
+    (replace(BELOW, direction=(0.0, 0.0, -1.0)), LAMBERT, 1),
+    (replace(BELOW, aspect=1.0), LAMBERT, 1),
+])  # fmt: skip
 def test_only_lamps_that_reach_a_visible_pixel_get_a_shadow_map(light, material, n_maps):
     light = replace(light, shadow=Shadow(size=64))
     lighting = Lighting(lights=(light,), ambient=Ambient(color=(0.1, 0.1, 0.1)))
