@@ -71,14 +71,12 @@ def fins(positions, faces, random):
 
 
 def pinched(positions, faces, random):
-    """Vertices that become one."""
     into = np.arange(len(positions))
     into[_some(random, len(into))] = int(random.integers(len(into)))
     return positions, into[faces]
 
 
 def turned(positions, faces, random):
-    """Faces wound the other way."""
     faces = faces.copy()
     some = _some(random, len(faces), 1.0)
     faces[some] = faces[some][:, ::-1]

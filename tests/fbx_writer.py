@@ -41,7 +41,6 @@ def _node(node, at, version, packed):
 
 
 def binary(nodes, version=7400, packed=True):
-    """Bytes of a binary file."""
     data = b"Kaydara FBX Binary  \0\x1a\0" + struct.pack("<I", version)
     for node in nodes:
         data += _node(node, len(data), version, packed)
@@ -67,7 +66,6 @@ def _text(node, version, indent=""):
 
 
 def ascii_text(nodes, version=7400):
-    """Bytes of a text file."""
     head = f"; FBX {version // 1000}.{version // 100 % 10}.0 project file\n; made by a test\n\n"
     return (head + "".join(_text(node, version) for node in nodes)).encode()
 
@@ -105,7 +103,6 @@ CM = 0.01
 
 
 def shape(layers=(), points=POINTS, polygons=POLYGONS):
-    """Children of a geometry."""
     return [("Vertices", [points.ravel()], []), ("PolygonVertexIndex", [polygons], []), *layers]
 
 

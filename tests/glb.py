@@ -19,7 +19,6 @@ def read_glb(path):
 
 
 def glb_bytes(document, data=b""):
-    """A GLB file of a document and a binary chunk."""
     text = json.dumps(document).encode()
     text += b" " * (-len(text) % 4)
     data += bytes(-len(data) % 4)

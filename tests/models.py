@@ -239,6 +239,5 @@ for _name, _distance, _n_behind in (
 
 
 def pair(name):
-    """The high-poly and the low-poly mesh of a pair."""
     high, low, *_ = PAIRS[name]
     return model(high), model(low)

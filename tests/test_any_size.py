@@ -32,7 +32,6 @@ def noisy(mesh):
 
 
 def lists(mesh):
-    """All arrays of a mesh except positions and directions."""
     names = ("faces", "uvs", "uv_faces", "normal_faces", "face_groups")
     return {name: getattr(mesh, name) for name in names if getattr(mesh, name) is not None}
 

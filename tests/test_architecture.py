@@ -25,7 +25,6 @@ MAX_BODY_LINES = 60
 
 
 def name_of(path):
-    """Name of a module as an import statement has it."""
     parts = list(path.relative_to(ROOT).with_suffix("").parts)
     if parts[0] == "cli":
         parts[0] = "texbake_cli"

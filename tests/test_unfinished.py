@@ -44,7 +44,6 @@ def start(folder, how):
 
 
 def write(folder):
-    """Write as a program that has just begun."""
     unfinished._LOOKED_THROUGH.clear()
     with replacing(folder / "other.png") as temporary:
         temporary.write_bytes(b"other")

@@ -22,7 +22,6 @@ OF_HITS = tuple(name for name in MAP_NAMES if MAPS[name].needs == "hits")
 
 @pytest.fixture(scope="module")
 def baked(painted):
-    """All maps of one bake."""
     high, low, materials = painted
     return bake(high, low, ALL, materials=materials)
 

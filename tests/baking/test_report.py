@@ -83,32 +83,29 @@ def test_a_figure_changes_its_row_and_no_other(changes, row):
     assert set(others) <= {"size", "rays"}
 
 
-@pytest.mark.parametrize(
-    ("changes", "line"),
-    [
-        ({"texels_missed": 15}, "the rays of 15 texels (1.00 %) missed the high-poly mesh, and "
-         "these texels are left neutral; texbake bake --miss-map shows where"),
-        ({"texels_missed": 750}, "the rays of 750 texels (50.00 %) missed the high-poly mesh, and "
-         "these texels are left neutral; texbake bake --miss-map shows where"),
-        ({"texels_missed": 751}, "the rays of 751 texels (50.07 %) missed the high-poly mesh, and "
-         "these texels are left neutral; is the mesh turned inside out, or are the ray distances "
-         "too short?"),
-        ({"texels_overlapping": 1.2, "counts": TraceCounts(samples_overlapping=5)},
-         "texture coordinates overlap on 1 texel; the first face wins"),
-        ({"counts": TraceCounts(faces_outside_tile=2)},
-         "2 triangles extend beyond the unit square; what lies outside is not baked, "
-         "unless {udim} is in `name_pattern`"),
-        ({"faces_without_texel": 9, "counts": TraceCounts(faces_without_uv_area=4)},
-         "9 of 789 triangles own no texel, 4 of them without area in texture space"),
-        ({"padding_meets": 1}, "the padding of two charts meets on 1 texel; use less `padding` or "
-         "leave more space between charts"),
-        ({"counts": TraceCounts(islands_sharing=2)},
-         "stacked islands share texels, and 2 of them show what is baked for others; choose which "
-         "to bake with `bake_island`"),
-        ({"why_missed": ("far away",)}, "far away"),
-        ({"of_objects": ("lid: lost",)}, "lid: lost"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "line"), [
+    ({"texels_missed": 15}, "the rays of 15 texels (1.00 %) missed the high-poly mesh, and "
+     "these texels are left neutral; texbake bake --miss-map shows where"),
+    ({"texels_missed": 750}, "the rays of 750 texels (50.00 %) missed the high-poly mesh, and "
+     "these texels are left neutral; texbake bake --miss-map shows where"),
+    ({"texels_missed": 751}, "the rays of 751 texels (50.07 %) missed the high-poly mesh, and "
+     "these texels are left neutral; is the mesh turned inside out, or are the ray distances "
+     "too short?"),
+    ({"texels_overlapping": 1.2, "counts": TraceCounts(samples_overlapping=5)},
+     "texture coordinates overlap on 1 texel; the first face wins"),
+    ({"counts": TraceCounts(faces_outside_tile=2)},
+     "2 triangles extend beyond the unit square; what lies outside is not baked, "
+     "unless {udim} is in `name_pattern`"),
+    ({"faces_without_texel": 9, "counts": TraceCounts(faces_without_uv_area=4)},
+     "9 of 789 triangles own no texel, 4 of them without area in texture space"),
+    ({"padding_meets": 1}, "the padding of two charts meets on 1 texel; use less `padding` or "
+     "leave more space between charts"),
+    ({"counts": TraceCounts(islands_sharing=2)},
+     "stacked islands share texels, and 2 of them show what is baked for others; choose which "
+     "to bake with `bake_island`"),
+    ({"why_missed": ("far away",)}, "far away"),
+    ({"of_objects": ("lid: lost",)}, "lid: lost"),
+])  # fmt: skip
 def test_each_fault_is_one_warning(changes, line):
     report = replace(PLAIN, **changes)
     assert report.warnings == [line]

@@ -47,14 +47,12 @@ def rays_on(mesh, *, caster=RayScene.build, flat=True, needs=(OUTER, INNER), **o
 
 
 def look(mesh, hits, *, n_rays=64, outer=None, inner=None, **options):
-    """Cast the secondary rays of hits."""
     rays = rays_on(mesh, secondary_rays=n_rays, occluder_distance=outer, thickness_distance=inner,
                    **options)  # fmt: skip
     return rays.cast(hits, 1)[0].secondary
 
 
 def random_faces(mesh, n, *, chosen=None, seed=1):
-    """Faces drawn by their areas."""
     corners = mesh.positions[mesh.faces]
     areas = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1

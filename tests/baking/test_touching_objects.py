@@ -132,18 +132,15 @@ def lifted(low):
 SHORT = {"back": 0.001}
 
 
-@pytest.mark.parametrize(
-    ("change", "settings", "cause"),
-    [
-        (lambda low: low, {"join_objects": True}, "^join_objects: "),
-        (lambda low: low, {"front": 0.001, **SHORT}, "^front, back: "),
-        (lambda low: low, {"cage": True, **SHORT}, "the cage is below"),
-        (lifted, {}, "far from the high-poly mesh"),
-        (lambda low: moved(low, scale=1.3), {"front": 0.001, **SHORT}, "times as large"),
-        (lambda low: low.replace(faces=low.faces[:, ::-1], uv_faces=low.uv_faces[:, ::-1]),
-         {"orientation": "keep"}, "faces against"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "settings", "cause"), [
+    (lambda low: low, {"join_objects": True}, "^join_objects: "),
+    (lambda low: low, {"front": 0.001, **SHORT}, "^front, back: "),
+    (lambda low: low, {"cage": True, **SHORT}, "the cage is below"),
+    (lifted, {}, "far from the high-poly mesh"),
+    (lambda low: moved(low, scale=1.3), {"front": 0.001, **SHORT}, "times as large"),
+    (lambda low: low.replace(faces=low.faces[:, ::-1], uv_faces=low.uv_faces[:, ::-1]),
+     {"orientation": "keep"}, "faces against"),
+])  # fmt: skip
 def test_a_bake_names_the_cause_of_missed_texels(tmp_path, change, settings, cause):
     high, low = (named(meshes, "") for meshes in SCENES["lid"])
     low = change(unwrap(low, size=128))

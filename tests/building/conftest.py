@@ -108,7 +108,6 @@ def run():
 
 @pytest.fixture
 def workers():
-    """Make real workers that end with the test."""
     made = []
 
     def workers(slots):
@@ -122,8 +121,6 @@ def workers():
 
 @pytest.fixture
 def contents():
-    """Bytes of every output file."""
-
     def contents(folder):
         return {
             path.relative_to(folder).as_posix(): path.read_bytes()

@@ -92,7 +92,6 @@ class Cluster:
         )
 
     def ask(self, question):
-        """Return the answer of a client of the scheduler."""
         from distributed import Client
 
         client = Client
@@ -100,7 +99,6 @@ class Cluster:
             return question(made)
 
     def wait(self, n_workers):
-        """Wait until the scheduler has exactly that many workers."""
         self.ask(
             lambda client: wait_for(lambda: len(client.scheduler_info()["workers"]) == n_workers)
         )

@@ -274,10 +274,8 @@ def test_limits(do, ball, tmp_path):
 # Keys of steps that the command writes otherwise: files have suffixes there, several values of one
 # option one flag, and a picture or a map is an argument.
 ONLY_IN_FILES = {
-    "run": {"images"},
-    "make": {"relief", "relief_height", "relief_scale", "triangles"},
-    "check": {"max_faces", "max_stretch"},
-    "bake-texture": {"parameters"},
+    "run": {"images"}, "make": {"relief", "relief_height", "relief_scale", "triangles"},
+    "check": {"max_faces", "max_stretch"}, "bake-texture": {"parameters"},
     "pack-textures": {"mesh_format", "meshes"},
     "pack-channels": {"red_value", "green_value", "blue_value"},
     "preview": {

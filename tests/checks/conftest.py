@@ -25,7 +25,6 @@ class Case(NamedTuple):
 
 
 def flat(mesh):
-    """The mesh with its faces' own normals."""
     return with_flat_normals(mesh)
 
 
@@ -35,7 +34,6 @@ def smooth(mesh):
 
 
 def soup(points, faces):
-    """A high-poly mesh of some faces."""
     return flat(Mesh(positions=np.array(points, float), faces=faces))
 
 
@@ -392,5 +390,4 @@ def clean(request):
 
 @pytest.fixture
 def case_of():
-    """One fault by its name."""
     return lambda name: CASES[name]()

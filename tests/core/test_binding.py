@@ -23,7 +23,6 @@ PROTOTYPE = """int64_t add(
 
 @pytest.fixture
 def seen():
-    """What the compiled function was called with."""
     return []
 
 
@@ -191,7 +190,6 @@ class NeverCalled:
 
 
 def right_value(parameter, sizes):
-    """An argument that is as declared."""
     if parameter.dimensions:
         shape = tuple(max(0, eval(size, {}, sizes)) for size in parameter.dimensions)
         return np.zeros(shape, parameter.dtype)

@@ -33,8 +33,6 @@ def checkout(tmp_path):
 
 @pytest.fixture
 def install(tmp_path, checkout):
-    """Function that installs a core of the checkout's current sources."""
-
     def installed():
         folder = tmp_path / "installed" / "texbake" / "core"
         folder.mkdir(parents=True)

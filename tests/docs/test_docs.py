@@ -142,7 +142,6 @@ def kind_of(words):
 
 
 def needed_by(later, words):
-    """Whether a later line names an output of this line."""
     outputs = [words[i + 1] for i, word in enumerate(words[:-1]) if word == "-o"]
     return any(word.startswith(tuple(outputs or [words[0]])) for line in later for word in line)
 

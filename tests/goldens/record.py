@@ -156,7 +156,6 @@ def run_characters():
 
 
 def run_command(*words):
-    """Run one command line in this process."""
     from texbake_cli.main import texbake
 
     try:

@@ -72,7 +72,6 @@ def test_a_picture_of_one_color_is_a_warning(drawn, tmp_path):
 
 
 def gltf_ball(folder, **material):
-    """Write a ball with one material of glTF."""
     path = folder / "ball.glb"
     texbake.write_mesh(BALL, path)
     document, data = read_glb(path)

@@ -205,7 +205,6 @@ def test_a_mesh_with_an_inside_is_wrapped_first(tmp_path):
 
 
 def boxes(n_per_side):
-    """Boxes of many sizes in a cubic grid."""
     places = np.stack(np.meshgrid(*[np.arange(n_per_side)] * 3), axis=-1).reshape(-1, 1, 3)
     sizes = np.random.default_rng(0).uniform(0.1, 0.8, (len(places), 1, 1))
     box = cube()

@@ -19,7 +19,6 @@ FRONT = RenderOptions(width=96, height=96, view=(0.0, 0.0), supersampling=2, bac
 
 
 def front_of(picture):
-    """The middle of the first of the four pictures."""
     margin = 6  # about each, at this size
     middle = margin + (picture.shape[1] - 5 * margin) // 8
     return picture[24:72, middle - 24 : middle + 24]

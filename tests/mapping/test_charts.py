@@ -13,7 +13,6 @@ from texbake.mesh.shapes import cube, icosphere, plane
 
 
 def stacked(mesh):
-    """Every face on the same triangle of the texture."""
     return with_coordinates(
         mesh, np.tile([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]], (mesh.n_faces, 1, 1))
     )

@@ -23,7 +23,6 @@ def cut_charts(mesh, regions=None, threads=None, **options):
 
 
 def worker(folder, monkeypatch, code):
-    """Replace the worker by a module of the test."""
     (folder / "own_worker.py").write_text(f"import os, sys, time\n{code}\n")
     monkeypatch.syspath_prepend(folder)
     monkeypatch.setattr(xatlas_charts, "_WORKER", "own_worker")

@@ -15,7 +15,6 @@ from texbake.mesh.shapes import cube, plane
 
 
 def mapped(mesh, matrix):
-    """A mesh whose coordinates went through a linear map."""
     assert mesh.uvs is not None
     return mesh.replace(uvs=mesh.uvs @ np.transpose(matrix))
 

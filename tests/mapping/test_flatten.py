@@ -167,7 +167,6 @@ def test_wound_onto_itself(turns, injective):
 
 
 def annulus(n_holes_high, place=lambda u, v: (u, v, 0 * u)):
-    """A sheet with square holes."""
     points, faces = sheet(12, 12, place)
     middles = faces // 13, faces % 13
     row, column = middles[0].min(axis=1), middles[1].min(axis=1)

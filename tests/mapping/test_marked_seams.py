@@ -17,7 +17,6 @@ def bare(mesh):
 
 
 def edges_of(mesh, marked):
-    """Pairs of vertices of marked half-edges."""
     faces, corners = np.nonzero(marked)
     return np.stack([mesh.faces[faces, corners], mesh.faces[faces, (corners + 1) % 3]], axis=1)
 

@@ -11,7 +11,6 @@ from texbake.mesh.shapes import icosphere
 
 
 def cap(mesh):
-    """Faces of the upper third of a ball."""
     return np.flatnonzero(mesh.positions[mesh.faces].mean(axis=1)[:, 1] > 0.4)
 
 

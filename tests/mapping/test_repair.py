@@ -14,7 +14,6 @@ NO_CHART = 2**32 - 1
 
 
 def repaired(mesh, uvs, chart_ids):
-    """Repair coordinates that are stored per vertex."""
     return repair_charts(
         mesh.positions[mesh.faces], mesh.faces.astype(np.uint32), np.asarray(uvs, dtype=np.float32),
         np.asarray(chart_ids, dtype=np.uint32),

@@ -21,7 +21,6 @@ from texbake.progress import ProgressSink
 
 
 def assert_sound(before, after, padding, size):
-    """Check the properties of every unwrapped mesh."""
     assert after.positions is before.positions or np.array_equal(after.positions, before.positions)
     assert np.array_equal(after.faces, before.faces)
     corners = after.corner_uvs()

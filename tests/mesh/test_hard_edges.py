@@ -20,7 +20,6 @@ from texbake.mesh.shapes import cube, icosphere
 
 
 def bare(mesh):
-    """The surface alone."""
     return Mesh(positions=mesh.positions, faces=mesh.faces)
 
 

@@ -311,7 +311,6 @@ def test_backslashes_in_the_names_of_files(tmp_path):
 
 
 def draco(path, mesh, attributes, data):
-    """A .gltf file of one mesh that Draco has compressed."""
     points = {"componentType": 5126, "count": len(mesh.positions), "type": "VEC3"}
     file = GltfFile(
         accessors=[

@@ -28,7 +28,6 @@ def holed(mesh, n, width):
 
 
 def soup(seed, n=60):
-    """Triangles that have nothing to do with one another."""
     random = np.random.default_rng(seed)
     corners = random.normal(size=(n, 1, 3)) + 0.4 * random.normal(size=(n, 3, 3))
     return Mesh(positions=corners.reshape(-1, 3), faces=np.arange(3 * n).reshape(-1, 3))

@@ -116,7 +116,6 @@ def figures(mesh):
 
 
 def boundary(mesh):
-    """The boundary as a mesh of lines."""
     loops = Loops.of(mesh.positions, weld_rows(mesh.positions)[mesh.faces])
     return Mesh(positions=mesh.positions, faces=loops.edges[:, [0, 1, 1]])
 
@@ -192,7 +191,6 @@ def test_holes_that_are_too_narrow_for_the_voxels_are_counted():
 
 
 def vase():
-    """A deep pot of one sheet with a narrow mouth."""
     ball = part_of_ball(0.0)
     x, y, z = ball.positions.T
     swell = 1.0 + 0.8 * np.sin(np.pi * z) - 0.5 * (1.0 - z) ** 4

@@ -115,7 +115,6 @@ def test_only_maps_that_flatten_have_no_inverse(scale):
 
 
 def edited(path, change):
-    """Write a GLB file again with its JSON changed."""
     data, content = path.read_bytes(), document(path)
     change(content)
     (n_text,) = struct.unpack("<I", data[12:16])
@@ -380,7 +379,6 @@ def test_a_subdivided_character_moves_only_what_it_shows(path, tmp_path):
 
 
 def json_numbers(value):
-    """The whole numbers in JSON."""
     if isinstance(value, dict | list):
         items = value.values() if isinstance(value, dict) else value
         return [number for item in items for number in json_numbers(item)]

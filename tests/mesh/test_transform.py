@@ -18,20 +18,17 @@ BALL = uv_sphere(5, 7)
 POINTS = BALL.positions
 
 
-@pytest.mark.parametrize(
-    ("given", "expected"),
-    [
-        ({}, POINTS),
-        ({"scale": 2.5}, 2.5 * POINTS),
-        ({"units": "in"}, 0.0254 * POINTS),
-        ({"up": "z"}, POINTS[:, [0, 2, 1]] * (1, 1, -1)),
-        ({"rotate": (90.0, 0.0, 0.0)}, POINTS[:, [0, 2, 1]] * (1, -1, 1)),
-        ({"rotate": (90.0, 0.0, -90.0)}, POINTS[:, [2, 0, 1]] * (-1, -1, 1)),
-        ({"move": (1.0, 2.0, 3.0)}, POINTS + np.arange(1, 4)),
-        ({"scale": 2.0, "up": "z", "move": (1.0, 0.0, 0.0)},
-         2 * POINTS[:, [0, 2, 1]] * (1, 1, -1) + np.eye(3)[0]),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("given", "expected"), [
+    ({}, POINTS),
+    ({"scale": 2.5}, 2.5 * POINTS),
+    ({"units": "in"}, 0.0254 * POINTS),
+    ({"up": "z"}, POINTS[:, [0, 2, 1]] * (1, 1, -1)),
+    ({"rotate": (90.0, 0.0, 0.0)}, POINTS[:, [0, 2, 1]] * (1, -1, 1)),
+    ({"rotate": (90.0, 0.0, -90.0)}, POINTS[:, [2, 0, 1]] * (-1, -1, 1)),
+    ({"move": (1.0, 2.0, 3.0)}, POINTS + np.arange(1, 4)),
+    ({"scale": 2.0, "up": "z", "move": (1.0, 0.0, 0.0)},
+     2 * POINTS[:, [0, 2, 1]] * (1, 1, -1) + np.eye(3)[0]),
+])  # fmt: skip
 def test_positions_have_a_closed_form(given, expected):
     moved = transform(BALL, TransformOptions(**given))
     assert np.array_equal(moved.positions, expected)

@@ -296,21 +296,18 @@ def test_invalid_usd_data_is_an_error(tmp_path, path, image):
     assert not path.exists()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (("[4, 4]", "[4, 3]"), "its faces count 7 corners, and 8 are there"),
-        (("[4, 4]", "[9, -1]"), "corners"),
-        (("2, 5, 4]", "2, 6, 4]"), "a corner is none of its 6 points"),
-        (("(1, 1, 0)", "(1, nan, 0)"), "a position is not finite"),
-        (("[4, 4]", "[4, 4"), "not a USD file, or damaged"),
-        (("Counts", "\udcffCounts"), "not a USD file, or damaged"),
-        (("(interp", " = [(0, 0)] (interp"), "/world/wall: primvars:st: it has 1 values"),
-        (("(interp", f" = {[(0, 0)] * 9} (interp"), "it has 9 values for 8 corners"),
-        (('(interpolation = "faceVarying")', "= [(0, 0)]\nint[] primvars:st:indices = [7]"),
-         "primvars:st: it has 1 values"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("change", "message"), [
+    (("[4, 4]", "[4, 3]"), "its faces count 7 corners, and 8 are there"),
+    (("[4, 4]", "[9, -1]"), "corners"),
+    (("2, 5, 4]", "2, 6, 4]"), "a corner is none of its 6 points"),
+    (("(1, 1, 0)", "(1, nan, 0)"), "a position is not finite"),
+    (("[4, 4]", "[4, 4"), "not a USD file, or damaged"),
+    (("Counts", "\udcffCounts"), "not a USD file, or damaged"),
+    (("(interp", " = [(0, 0)] (interp"), "/world/wall: primvars:st: it has 1 values"),
+    (("(interp", f" = {[(0, 0)] * 9} (interp"), "it has 9 values for 8 corners"),
+    (('(interpolation = "faceVarying")', "= [(0, 0)]\nint[] primvars:st:indices = [7]"),
+     "primvars:st: it has 1 values"),
+])  # fmt: skip
 def test_inconsistent_files_are_one_clear_line(stage_file, change, message):
     path = stage_file('texCoord2f[] primvars:st (interpolation = "faceVarying")')
     text = path.read_text().replace(*change)

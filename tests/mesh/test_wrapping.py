@@ -19,7 +19,6 @@ BALL = icosphere(4)
 
 
 def with_more(mesh, positions, faces):
-    """A mesh and further faces."""
     return Mesh(
         positions=np.concatenate([mesh.positions, positions]),
         faces=np.concatenate([mesh.faces, np.asarray(faces) + mesh.n_vertices]),

@@ -36,7 +36,6 @@ CONTENTS = {
 
 
 def text_gltf(folder):
-    """A .gltf file with its buffer in it."""
     write_mesh(MESH, folder / "a.glb")
     document, data = read_glb(folder / "a.glb")
     buffer = base64.b64encode(data).decode()

@@ -98,7 +98,6 @@ class Browser:
         return found["result"].get("value")
 
     def wait(self, condition):
-        """Wait until an expression is true in the page."""
         end = time.monotonic() + TIMEOUT
         while not self.value(condition):
             assert time.monotonic() < end, f"{condition} did not become true"
@@ -119,7 +118,6 @@ class Browser:
         self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
 
     def settle(self):
-        """Wait until two frames were drawn."""
         self.value(
             "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(1))))"
         )
@@ -138,7 +136,6 @@ class Browser:
         return np.asarray(Image.open(io.BytesIO(base64.b64decode(found["data"]))).convert("RGB"))
 
     def set(self, selector, value):
-        """Give a control a value as a reader does."""
         self.value(
             f"(() => {{ const c = document.querySelector({selector!r});"
             f"if (c.type === 'checkbox' || c.type === 'radio') c.checked = {json.dumps(value)};"
@@ -154,7 +151,6 @@ class Browser:
         return shown
 
     def press(self, key, **more):
-        """Press a key on what has the focus."""
         for kind in "keyDown", "keyUp":
             self.call("Input.dispatchKeyEvent", type=kind, key=key, **more)
 
@@ -217,7 +213,6 @@ def baked(pair):
 
 @pytest.fixture(scope="session")
 def page(pair, baked, tmp_path_factory):
-    """The page of the bake."""
     path = tmp_path_factory.mktemp("page") / "asset.html"
     assert baked.missed.any()
     write_bake_page(path, *pair, baked, asked=("normal",), command="texbake bake 'a b' c")

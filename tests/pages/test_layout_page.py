@@ -22,7 +22,6 @@ def page(tmp_path_factory):
 
 
 def differs(one, other):
-    """Share of the pixels of two pictures that differ."""
     return (np.abs(one.astype(int) - other) > 8).any(axis=2).mean()
 
 

@@ -38,7 +38,6 @@ def opened(browser, page):
 
 
 def shares(browser):
-    """Shares of the stage that are red and blue."""
     picture = browser.picture("#compare .stage").astype(int)
     red = (picture[..., 0] > 150) & (picture[..., 2] < 60)
     blue = (picture[..., 2] > 150) & (picture[..., 0] < 60)

@@ -95,7 +95,6 @@ def pair():
 
 
 def limit(pair, options, n_chunks):
-    """Bytes that lead to so many chunks."""
     n, n_texels = pair[0].n_faces, options.width_px * options.height_px
     whole = bake_memory(n, pair[1].n_faces, n_texels, options.maps)
     return whole - TREE_FACE * (n - -(-n // n_chunks))

@@ -24,7 +24,6 @@ def axis(name):
 
 
 def waves(directions):
-    """Two smooth functions of a direction."""
     x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
     return np.stack([np.exp(0.7 * x + 0.4 * y - 0.6 * z), 1.0 + 0.5 * x * y + z], axis=-1)
 

@@ -89,22 +89,19 @@ def test_points_in_any_order_of_memory(name):
     np.testing.assert_array_equal(evaluate(name, points.tolist()), expected)
 
 
-@pytest.mark.parametrize(
-    ("name", "parameters", "words"),
-    [
-        ("marbel", {}, "procedure: 'marbel' is not known; it is one of checker, stripes"),
-        ("checker", {"seed": 1}, r"checker\.seed: it is not a parameter of checker; those are dim"),
-        ("noise", {"weight": "linear"}, r"noise\.weight: 'linear' is not known; give one of cub"),
-        ("noise", {"weight": np.zeros(2)}, r"noise\.weight: array\(\[0\., 0\.\]\) is not known"),
-        ("noise", {"seed": 1.5}, r"noise\.seed: 1\.5 is not a whole number; give one such as 7"),
-        ("fractal", {"octaves": 0}, r"fractal\.octaves: 0 is not right; give a whole number from"),
-        ("fractal", {"gain": float("nan")}, r"fractal\.gain: nan is not right; give a number from"),
-        ("stripes", {"width": 1.0}, r"stripes\.width: 1\.0 is not right; give a number between 0"),
-        ("stripes", {"direction": (0, 0, 0)}, r"stripes\.direction: \(0, 0, 0\) is not a dir"),
-        ("wood", {"axis": (0, float("inf"), 0)}, r"wood\.axis: .* is not a direction"),
-        ("wood", {"rings": -1}, r"wood\.rings: -1 is not right; give a number from 0 to 1e\+06"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "parameters", "words"), [
+    ("marbel", {}, "procedure: 'marbel' is not known; it is one of checker, stripes"),
+    ("checker", {"seed": 1}, r"checker\.seed: it is not a parameter of checker; those are dim"),
+    ("noise", {"weight": "linear"}, r"noise\.weight: 'linear' is not known; give one of cub"),
+    ("noise", {"weight": np.zeros(2)}, r"noise\.weight: array\(\[0\., 0\.\]\) is not known"),
+    ("noise", {"seed": 1.5}, r"noise\.seed: 1\.5 is not a whole number; give one such as 7"),
+    ("fractal", {"octaves": 0}, r"fractal\.octaves: 0 is not right; give a whole number from"),
+    ("fractal", {"gain": float("nan")}, r"fractal\.gain: nan is not right; give a number from"),
+    ("stripes", {"width": 1.0}, r"stripes\.width: 1\.0 is not right; give a number between 0"),
+    ("stripes", {"direction": (0, 0, 0)}, r"stripes\.direction: \(0, 0, 0\) is not a dir"),
+    ("wood", {"axis": (0, float("inf"), 0)}, r"wood\.axis: .* is not a direction"),
+    ("wood", {"rings": -1}, r"wood\.rings: -1 is not right; give a number from 0 to 1e\+06"),
+])  # fmt: skip
 def test_wrong_parameters_are_one_clear_error(name, parameters, words):
     with pytest.raises(OptionError, match=words) as error:
         evaluate(name, [[0.0, 0.0, 0.0]], parameters=parameters)

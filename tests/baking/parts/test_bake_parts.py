@@ -361,31 +361,21 @@ def test_each_set_has_its_own_images_for_rays():
 BARE = LOWS[0].replace(uvs=None, uv_faces=None)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "changes", "error", "message"),
-    [
-        (([], [LOW]), {}, OptionError, "high, low: give at least one"),
-        (([HIGH], [LOW]), {"options": BakeOptions(time_budget="1s")}, OptionError, "time_budget"),
-        (([HIGH], [LOW]), {"options": BakeOptions(keep_hits=True)}, OptionError, "hits"),
-        (([HIGHS[0]], [LOW]), {"parts": PartsOptions(occluders="match")}, OptionError, "by_name"),
-        (([HIGH], [BARE]), {}, UvError, "no texture coordinates"),
-        (([HIGH], [LOW, LOW]), {"cage": LOW}, OptionError, "cage: it belongs to one"),
-        (([HIGH], [LOW]), {"cage": HIGH}, CageError, "a cage must have the faces"),
-        (([HIGHS[1]], [LOWS[0]]), {"parts": MATCH}, MeshError, "no low-poly part"),
-        (
-            (HIGHS, LOWS),
-            {"parts": MATCH, "options": BakeOptions(maps=("vertex-color",))},
-            MeshError,
-            "LEFT_high: it has no vertex colors",
-        ),
-        (
-            ([HIGHS[1].replace(name="left_high")], [LOWS[0]]),
-            {"parts": MATCH, "options": BakeOptions(size=16, front=0.01, back=0.01,
-                                                    fail_on_miss=1.0)},
-            MissError, "left_low: .* missed left_high",
-        ),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("arguments", "changes", "error", "message"), [
+    (([], [LOW]), {}, OptionError, "high, low: give at least one"),
+    (([HIGH], [LOW]), {"options": BakeOptions(time_budget="1s")}, OptionError, "time_budget"),
+    (([HIGH], [LOW]), {"options": BakeOptions(keep_hits=True)}, OptionError, "hits"),
+    (([HIGHS[0]], [LOW]), {"parts": PartsOptions(occluders="match")}, OptionError, "by_name"),
+    (([HIGH], [BARE]), {}, UvError, "no texture coordinates"),
+    (([HIGH], [LOW, LOW]), {"cage": LOW}, OptionError, "cage: it belongs to one"),
+    (([HIGH], [LOW]), {"cage": HIGH}, CageError, "a cage must have the faces"),
+    (([HIGHS[1]], [LOWS[0]]), {"parts": MATCH}, MeshError, "no low-poly part"),
+    ((HIGHS, LOWS), {"parts": MATCH, "options": BakeOptions(maps=("vertex-color",))}, MeshError,
+     "LEFT_high: it has no vertex colors"),
+    (([HIGHS[1].replace(name="left_high")], [LOWS[0]]),
+     {"parts": MATCH, "options": BakeOptions(size=16, front=0.01, back=0.01, fail_on_miss=1.0)},
+     MissError, "left_low: .* missed left_high"),
+])  # fmt: skip
 def test_wrong_input_is_one_line(arguments, changes, error, message):
     with pytest.raises(error, match=message):
         bake_parts(*arguments, **changes)

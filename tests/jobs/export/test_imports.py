@@ -25,7 +25,6 @@ KINDS = ("ao", "roughness", "metalness", "opacity")
 
 @pytest.fixture(scope="module")
 def library():
-    """The definitions of MaterialX's nodes."""
     document = mx.createDocument()
     mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), document)
     return document

@@ -24,7 +24,6 @@ from texbake.texture.image import write_image
 
 @pytest.fixture(scope="module")
 def quick_bench():
-    """All tasks on one case."""
     options = BenchOptions(
         quick=True, cases=("two-parts",), programs=("texbake", "xatlas", "blender"), blender="none"
     )

@@ -28,10 +28,8 @@ def contest():
     return Contest(
         TASKS["unwrap"], "sphere", "a sphere", "exact values", "By formula.",
         (
-            measured("texbake", "fast", 1.0, 8.0, 50),
-            measured("texbake", "good", 2.0, 3.0, 80),
-            measured("texbake", "slow", 3.0, 5.0, 90),
-            measured("Blender", "smart", 10.0, 7.9, 300),
+            measured("texbake", "fast", 1.0, 8.0, 50), measured("texbake", "good", 2.0, 3.0, 80),
+            measured("texbake", "slow", 3.0, 5.0, 90), measured("Blender", "smart", 10.0, 7.9, 300),
             measured("Blender", "best", 30.0, 1.0, 300),
             measured("xatlas", "default", 0.5, 9.0, 20),
         ),

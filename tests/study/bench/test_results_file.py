@@ -58,7 +58,6 @@ def result_of(settings, left_out=()):
 
 
 def baked(folder, job):
-    """What a program that takes part does with a job."""
     high, low = (read_mesh(folder / "two-parts" / job[key]) for key in ("high", "low"))
     options = BakeOptions(
         size=job["size"], front=job["distance"], back=job["distance"], padding=job["padding"]
