@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 
 from tests.models import PAIRS, pair
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.rendering.compare import compare
-from texbake.rendering.options import RenderOptions
+from texbake import BakeOptions, RenderOptions, bake, compare, read_image
 from texbake.texture.encoding import decode_normals
-from texbake.texture.image import read_image
 
 
 @pytest.fixture(scope="module", params=PAIRS)

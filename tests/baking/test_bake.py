@@ -6,13 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake, remap
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, Mesh, OptionError, bake, remap, unwrap
 from texbake.baking.rays import checked_cage
-from texbake.errors import CageError, MissError, OptionError
-from texbake.mapping.unwrap import unwrap
+from texbake.errors import CageError, MissError
 from texbake.mesh.compose import turned_over
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents

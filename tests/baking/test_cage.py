@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.baking.cage import fit_cage
-from texbake.errors import OptionError
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, OptionError, fit_cage, simplify
 from texbake.mesh.shapes import cube, icosphere, orange, plane
-from texbake.mesh.simplify import simplify
 
 
 @pytest.fixture(scope="module")

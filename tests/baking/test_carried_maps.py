@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.errors import OptionError
+from texbake import BakeOptions, OptionError, bake, read_image, read_mesh, write_image, write_mesh
 from texbake.jobs.maps import BakeFiles, bake_files
-from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.materials import (
     CHANNELS,
     ChannelImage,
@@ -18,7 +15,6 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.encoding import decode_normals, encode_normals
-from texbake.texture.image import read_image, write_image
 
 N = 128
 

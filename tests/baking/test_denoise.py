@@ -5,12 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake import BakeOptions, Mesh, bake
 from texbake.baking.maps import MAPS
-from texbake.baking.options import BakeOptions
 from texbake.baking.texel_values import denoised
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 RAW = BakeOptions(

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models import moved
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import bake_parts
+from texbake import BakeOptions, bake, bake_parts
 from texbake.mesh.compose import join_meshes, turned_over
 from texbake.mesh.shapes import uv_sphere
 

@@ -56,8 +56,10 @@ def test_maps_of_the_file_are_those_of_a_bake(painted, kept, tmp_path, changes):
             assert files[0].read_bytes() == files[1].read_bytes(), files
 
 
-def test_the_report_is_read_as_it_was_written(kept):
+def test_the_same_result_writes_the_same_bytes_and_is_read_with_its_report(kept, tmp_path):
     path, result = kept
+    write_hits(result, tmp_path / "b.npz")
+    assert (tmp_path / "b.npz").read_bytes() == path.read_bytes()
     assert read_hits(path).report == result.report
 
 

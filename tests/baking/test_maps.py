@@ -5,15 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake import BakeOptions, Mesh, OptionError, bake, read_image, write_image
 from texbake.baking.codings import id_colors
 from texbake.baking.maps import DEFAULT_PATTERN, MAP_NAMES, MAPS, map_file_names
-from texbake.baking.options import BakeOptions
-from texbake.errors import MeshError, OptionError
+from texbake.errors import MeshError
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
-from texbake.texture.image import read_image, write_image
 
 N = 64
 CENTERS = (np.arange(N) + 0.5) / N

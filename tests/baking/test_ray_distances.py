@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, Mesh, bake, unwrap
 from texbake.baking.ray_distances import MARGIN
 from texbake.baking.scenes import BakeScenes
-from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.progress import Stages
 

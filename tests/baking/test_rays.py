@@ -3,14 +3,11 @@
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, Mesh, OptionError, bake
 from texbake.baking.rays import RayField, RayMaps, UnobstructedRays
 from texbake.baking.texels import SampleGrid, Samples
-from texbake.errors import OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.raycast.scene import RayScene
 

@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake import BakeOptions, FileError, OptionError, bake, read_image, write_mesh
 from texbake.baking.maps import MAP_NAMES
-from texbake.baking.options import BakeOptions
 from texbake.baking.result import redundant_maps
-from texbake.errors import FileError, FileFormatError, OptionError
+from texbake.errors import FileFormatError
 from texbake.jobs.maps import bake_files
-from texbake.mesh.files import write_mesh
 from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.shapes import orange, plane, uv_sphere
 from texbake.metadata import (
@@ -26,7 +24,6 @@ from texbake.metadata import (
     THICKNESS_SCALE,
 )
 from texbake.texture.encoding import decode_heights, encode_srgb
-from texbake.texture.image import read_image
 
 
 @pytest.fixture(scope="module")

@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 from embreex_oracle import EmbreexScene
 
+from texbake import BakeOptions, Mesh, OptionError, bake, remap
 from texbake.baking import scenes
-from texbake.baking.bake import bake, remap
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps.kind import INNER, OUTER
-from texbake.baking.options import BakeOptions
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
-from texbake.errors import OptionError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import flat_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.metadata import THICKNESS_SCALE

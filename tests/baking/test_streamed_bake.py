@@ -3,15 +3,12 @@
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake import BakeOptions, Mesh, OptionError, bake, read_mesh, write_mesh
 from texbake.baking.maps import MAPS, MATERIAL_MAPS
 from texbake.baking.memory import STREAMED_CHUNKS, STREAMED_FACE, bake_memory
-from texbake.baking.options import BakeOptions
-from texbake.errors import MeshError, OptionError
+from texbake.errors import MeshError
 from texbake.jobs.maps import BakeFiles, bake_files
-from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.streamed import source
 from texbake.mesh.streamed.mesh import StreamedMesh, open_streamed

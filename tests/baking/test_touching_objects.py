@@ -8,18 +8,11 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tests.models import moved
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, Mesh, RunOptions, bake, make, read_mesh, run, unwrap, write_mesh
 from texbake.baking.parts.bake_parts import bake_objects
 from texbake.jobs.maps import BakeFiles, bake_files
-from texbake.jobs.options import RunOptions
-from texbake.jobs.run import run
-from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
-from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere
 
 BEVEL = 0.04

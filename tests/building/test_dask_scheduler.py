@@ -24,10 +24,8 @@ from tests.building.dask_cluster import (
     Cluster,
     wait_for,
 )
-from texbake import FileError, OptionError
+from texbake import BuildOptions, FileError, OptionError, build
 from texbake.building import dask_scheduler
-from texbake.building.build import build
-from texbake.building.options import BuildOptions
 from texbake.building.store import Store
 from texbake.building.task import Task, TaskOutcome
 

@@ -9,12 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from texbake import FileError
-from texbake.building.build import build
+from texbake import BuildOptions, FileError, build, write_mesh
 from texbake.building.locations import location_of, locked, matches
-from texbake.building.options import BuildOptions
 from texbake.building.store import Store
-from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import uv_sphere
 
 

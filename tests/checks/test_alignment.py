@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.baking.options import BakeOptions
-from texbake.checks.check import check
+from texbake import BakeOptions, check, write_mesh
 from texbake.checks.pair import require_alignment
 from texbake.errors import MeshError
 from texbake.jobs.maps import bake_files
 from texbake.jobs.parts import bake_parts_files
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.verbs.meshes import cage_file
 

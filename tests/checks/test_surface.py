@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake import CheckOptions, Mesh, check
 from texbake.checks import surface
-from texbake.checks.check import check
 from texbake.checks.checked_mesh import CheckedMesh
-from texbake.checks.kinds import CheckOptions
 from texbake.checks.surface import crossed_by
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, CheckOptions, Mesh, bake, check
 from texbake.checks import walls
-from texbake.checks.check import check
-from texbake.checks.kinds import CheckOptions
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 

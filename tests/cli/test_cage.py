@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.baking.cage import fit_cage
+from texbake import Mesh, fit_cage, read_mesh, write_mesh
 from texbake.mesh.compose import join_meshes, transformed
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, orange, uv_sphere
 from texbake.verbs.meshes import cage_file
 

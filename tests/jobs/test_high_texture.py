@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.baking.options import BakeOptions
-from texbake.errors import OptionError
+from texbake import BakeOptions, OptionError, read_image, write_image, write_mesh
 from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.parts import bake_parts_files
-from texbake.mesh.files import write_mesh
 from texbake.mesh.shapes import plane
-from texbake.texture.image import read_image, write_image
 from texbake.verbs.step import Job, find_step
 
 

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.errors import FileError, FileFormatError, OptionError, UvError
+from texbake import FileError, OptionError, RenderOptions, draw_layout, read_image
+from texbake.errors import FileFormatError, UvError
 from texbake.jobs.outputs import check_layout
 from texbake.jobs.side_pictures import render_checker, write_layout
-from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mesh.shapes import cube, plane
-from texbake.rendering.options import RenderOptions
-from texbake.texture.image import read_image
 
 # Straight at the plane, which lies in x and y and looks along z.
 FRONT = RenderOptions(width=96, height=96, view=(0.0, 0.0), supersampling=2, background=None)

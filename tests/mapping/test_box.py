@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake import Mesh, OptionError, UnwrapOptions
 from texbake.mapping.classical.box import box, box_sides
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import connected_faces
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import edge_ids

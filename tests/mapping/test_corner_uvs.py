@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake import unwrap
-from texbake.errors import OptionError, UvError
+from texbake import OptionError, distortion, draw_layout, unwrap
+from texbake.errors import UvError
 from texbake.mapping.corner_uvs import (
     faces_of_group,
     joined_corners,
@@ -11,8 +11,6 @@ from texbake.mapping.corner_uvs import (
     signed_areas,
     surface_areas,
 )
-from texbake.mapping.distortion import distortion
-from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.shapes import cube, plane

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from texbake.checks.check import check
-from texbake.errors import OptionError
-from texbake.mapping.options import UnwrapOptions
+from texbake import Mesh, OptionError, UnwrapOptions, check, unwrap
 from texbake.mapping.seams import chart_ids, regions_between
-from texbake.mapping.unwrap import unwrap, unwrap_with_report
-from texbake.mesh.mesh import Mesh
+from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.shapes import plane
 
 

@@ -4,15 +4,13 @@ import numpy as np
 import pytest
 
 from tests.models import flipped, joined, moved
-from texbake.errors import FileFormatError, OptionError
+from texbake import Mesh, OptionError, RenderOptions, UnwrapOptions
+from texbake.errors import FileFormatError
 from texbake.mapping.classical.projector import mostly_hidden, projector, read_matrix
-from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.rendering.camera import Camera
-from texbake.rendering.options import RenderOptions
 
 # Light along -z onto the unit square; r grows with the distance from the light.
 DOWN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.0), (0.0, 0.0, 0.0, 1.0))

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from texbake import distortion, unwrap
-from texbake.errors import OptionError, UvError
-from texbake.mapping.options import UnwrapOptions
+from texbake import Mesh, OptionError, UnwrapOptions, distortion, unwrap
+from texbake.errors import UvError
 from texbake.mapping.options.projection import WARPS
 from texbake.mapping.transform import (
     bulge,
@@ -13,7 +12,6 @@ from texbake.mapping.transform import (
     twirl,
     warp_uvs,
 )
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 
 POINTS = np.random.default_rng(5).random((40, 3, 2)) * 3 - 1

@@ -8,14 +8,12 @@ import pytest
 
 import texbake
 from tests.models import HAS_REAL, model
-from texbake.errors import MeshError, OptionError, UnwrapError
+from texbake import Mesh, OptionError, UnwrapOptions, distortion, unwrap
+from texbake.errors import MeshError, UnwrapError
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mapping.distortion import distortion
-from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.overlap import find_overlaps
-from texbake.mapping.unwrap import unwrap, unwrap_together, unwrap_with_report
+from texbake.mapping.unwrap import unwrap_together, unwrap_with_report
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.progress import ProgressSink
 

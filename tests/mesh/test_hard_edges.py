@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from tests.models import joined
-from texbake.errors import OptionError
-from texbake.mapping.unwrap import unwrap
+from texbake import Mesh, OptionError, make, unwrap
 from texbake.mesh.hard_edges import (
     inner_edges,
     normals_jump,
@@ -13,9 +12,7 @@ from texbake.mesh.hard_edges import (
     with_own_hard_edges,
     with_sharp_edges,
 )
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals, smooth_normals
-from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import cube, icosphere
 
 

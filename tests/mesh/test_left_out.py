@@ -12,14 +12,12 @@ from trimesh.exchange.dae import export_collada
 
 from tests.fbx_writer import FACES, POINTS, layer, scene, shape, written
 from tests.glb import CORNERS, GltfFile
-from texbake.errors import FileFormatError, MeshError, ReadWarning, TexbakeError, heard_warnings
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake import ReadWarning, TexbakeError, read_mesh, read_scene, to_trimesh, write_mesh
+from texbake.errors import FileFormatError, MeshError, heard_warnings
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.files.unread_parts import unread_parts
-from texbake.mesh.interchange import to_trimesh
 from texbake.mesh.materials import read_materials
 from texbake.mesh.shapes import cube, icosphere
-from texbake.rendering.scene.read import read_scene
 from texbake.verbs.meshes import transform_file
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

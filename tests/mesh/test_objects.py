@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.checks.check import check
+from texbake import Mesh, RepairOptions, check, mesh_info, read_mesh, repair, write_mesh
 from texbake.mesh.compose import join_meshes, join_parts, transformed
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.info import mesh_info
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import smooth_normals, vertex_curvatures
 from texbake.mesh.objects import (
     has_borders,
@@ -16,8 +13,6 @@ from texbake.mesh.objects import (
     vertex_objects,
     without_borders,
 )
-from texbake.mesh.options import RepairOptions
-from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube, icosphere
 
 ASIDE = np.eye(4)

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from tests.fbx_writer import scene, shape, written
-from texbake.checks.check import check
-from texbake.errors import MeshError, ReadWarning
+from texbake import Mesh, ReadWarning, check, mesh_info, read_mesh, repair, write_mesh
+from texbake.errors import MeshError
 from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.info import mesh_info
-from texbake.mesh.mesh import Mesh, UvSet
+from texbake.mesh.mesh import UvSet
 from texbake.mesh.polygons import outlines, triangulated
-from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube
 
 # The floor of an L: three squares.

@@ -4,13 +4,11 @@ import numpy as np
 import pytest
 
 from tests.models import HAS_REAL, flipped, joined, model, moved
+from texbake import Mesh, OptionError, RemeshOptions, make, remesh, surface_distance
 from texbake.core import core
-from texbake.errors import MeshError, OptionError
-from texbake.mesh.distance import face_areas, surface_distance
-from texbake.mesh.mesh import Mesh
-from texbake.mesh.options import RemeshOptions
-from texbake.mesh.parametric.make import make
-from texbake.mesh.remesh import looks_open, remesh, remesh_with_report
+from texbake.errors import MeshError
+from texbake.mesh.distance import face_areas
+from texbake.mesh.remesh import looks_open, remesh_with_report
 from texbake.mesh.remeshing.boundary import Loops, kind_of, require_topology
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import euler_characteristic, face_components, find_edges

@@ -3,11 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, RepairOptions, make, repair
 from texbake.mesh.normals import face_normals
-from texbake.mesh.options import RepairOptions
-from texbake.mesh.parametric.make import make
-from texbake.mesh.repair import repair
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.topology import find_edges
 

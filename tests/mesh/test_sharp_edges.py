@@ -4,13 +4,9 @@ import numpy as np
 import pytest
 
 from tests.models import joined
-from texbake.mesh.distance import surface_distance
+from texbake import Mesh, RemeshOptions, make, remesh, surface_distance
 from texbake.mesh.hard_edges import with_normals
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import degenerate_faces, face_normals
-from texbake.mesh.options import RemeshOptions
-from texbake.mesh.parametric.make import make
-from texbake.mesh.remesh import remesh
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import duplicate_faces, find_edges
 from texbake.mesh.triangle_tree import TriangleTree

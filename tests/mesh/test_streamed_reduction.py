@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.mesh.distance import surface_distance
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
-from texbake.mesh.options import SimplifyOptions
+from texbake import Mesh, SimplifyOptions, read_mesh, surface_distance, write_mesh
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.mesh.streamed import reduction, source
 from texbake.mesh.topology import find_edges

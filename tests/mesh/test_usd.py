@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
-from texbake.errors import (
-    DependencyError,
-    FileError,
-    FileFormatError,
-    MeshError,
-    OptionError,
-    ReadWarning,
-    UvError,
-)
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake import FileError, OptionError, ReadWarning, read_mesh, write_mesh
+from texbake.errors import DependencyError, FileFormatError, MeshError, UvError
 from texbake.mesh.files.usd import read_usd
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import cube, grid_sphere, plane, uv_sphere

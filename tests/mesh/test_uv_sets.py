@@ -6,12 +6,10 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from tests.glb import glb_bytes, read_glb
-from texbake.errors import FileFormatError, MeshError, OptionError, UvError
-from texbake.mapping.options import UnwrapOptions
+from texbake import OptionError, UnwrapOptions, read_mesh, unwrap, write_mesh
+from texbake.errors import FileFormatError, MeshError, UvError
 from texbake.mapping.overlap import find_overlaps
-from texbake.mapping.unwrap import unwrap
 from texbake.mesh.compose import excerpt, join_meshes, transformed, turned_over
-from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.mesh import MOST_UV_SETS, UvSet
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.verbs.meshes import transform_file

@@ -10,15 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.mesh.mesh import Mesh
+from texbake import BakeOptions, Mesh, bake, write_image
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.pages import viewer
 from texbake.pages.asset_page import AssetPage, write_asset_page
 from texbake.rendering.panels import color_angles
 from texbake.texture.encoding import encode_srgb
-from texbake.texture.image import write_image
 
 pytestmark = pytest.mark.usefixtures("small_pictures")
 

@@ -12,15 +12,13 @@ from hypothesis import given, strategies as st
 from markupsafe import Markup
 from PIL import Image
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, bake, write_image
 from texbake.mesh.shapes import plane
 from texbake.pages import page, pictures
 from texbake.pages.asset_page import as_asked, page_options
 from texbake.pages.page import as_json, asset, duration, memory, page_html
 from texbake.pages.pictures import baked_pictures, file_pictures, miss_picture
 from texbake.pages.plots import histogram_svg, ticks
-from texbake.texture.image import write_image
 
 
 def pixels_of(uri):

@@ -5,12 +5,9 @@ from contextlib import nullcontext
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake
+from texbake import BakeOptions, Mesh, OptionError, bake
 from texbake.baking.memory import CORNERS_FACE, MOST_CHUNKS, TREE_FACE, bake_memory
-from texbake.baking.options import BakeOptions
-from texbake.errors import OptionError
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.raycast.morton_tree import MortonTree
 from texbake.raycast.rays import NO_HIT, Rays

@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 
 from tests.rendering.conftest import pixel_rays
+from texbake import ImageTexture, Light, Lighting, Material, RenderOptions, Scene, SceneObject
 from texbake.core import core
 from texbake.errors import UvError
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import BumpMap, Material, NormalMap
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.rendering.scene.material import BumpMap, NormalMap
+from texbake.rendering.scene.textures import ProcedureTexture
 
 FORMS = ("blinn", "exact")
 N = 1024

@@ -6,18 +6,15 @@ import pytest
 from skimage.metrics import structural_similarity
 
 from tests.models import PAIRS, pair
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, RenderOptions, bake, compare, write_image
 from texbake.core import core, portable_math as pm
 from texbake.mesh.materials import UNPLACED, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.normals import with_flat_normals
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 from texbake.rendering.closeness import structural_similarities
-from texbake.rendering.compare import compare, compare_shapes
+from texbake.rendering.compare import compare_shapes
 from texbake.rendering.draw import draw
-from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import MAX_ANGLE_DEG, color_angles
-from texbake.texture.image import write_image
 
 SMALL = RenderOptions(width=120, height=90)
 FRONT = RenderOptions(width=100, height=100, view=(0.0, 0.0))

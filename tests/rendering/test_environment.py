@@ -4,15 +4,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.mesh.mesh import Mesh
+from texbake import Lighting, Material, Mesh, RenderOptions, Scene, SceneObject
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.environment import turn_of
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Environment, Fog, Lighting
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
+from texbake.rendering.scene.lights import Environment, Fog
 
 # A color for each face: +x, -x, +y, -y, +z, -z.
 COLORS = np.array([(1, 0, 0), (0, 1, 1), (0, 1, 0), (1, 0, 1), (0, 0, 1), (1, 1, 0)], np.float32)

@@ -5,16 +5,14 @@ import json
 import numpy as np
 import pytest
 
+from texbake import ImageTexture, Light, Lighting, Material, RenderOptions, Scene, SceneObject
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
-from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import EVERY_PICTURE, plan_report, plan_rows, plan_table
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, NormalMap, Reflection
-from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
-from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.material import NormalMap, Reflection
+from texbake.rendering.scene.scene import transform_matrix
 
 OPTIONS = RenderOptions(width=24, height=16, view=(0.0, 0.0))
 SUN, DARK = Light(name="sun", direction=(0, -1, -1)), Light(name="off", intensity=0.0)

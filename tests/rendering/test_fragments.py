@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
+from texbake import Material, RenderOptions, Scene, SceneObject
+from texbake.core import core
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.fragments import fragment_rows
-from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import World
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
 
 
 def world_of(n_faces, starts):
@@ -104,3 +103,17 @@ def test_multisampling_is_supersampling_where_color_is_flat(mesh):
     np.testing.assert_allclose(pictures[0][0], pictures[1][0], atol=1e-6)
     np.testing.assert_array_equal(pictures[0][1], pictures[1][1])
     assert 0.0 < (pictures[0][1] % 1.0 > 0).mean() < 0.5
+
+
+def test_weights_and_motions_on_a_piece_become_those_on_its_triangle():
+    rng = np.random.default_rng(0)
+    faces, weights = rng.integers(0, 9, 50).astype(np.int32), rng.random((50, 2))
+    changes = rng.normal(size=(50, 4)).astype(np.float32)
+    corners = rng.random((9, 3, 2)).astype(np.float32)
+    found, found_changes = np.empty((50, 2)), np.empty((50, 4), np.float32)
+    core.move_to_base(faces, weights, changes, corners, found, found_changes)
+    edges = (corners[:, 1:] - corners[:, :1])[faces].astype(np.float64)
+    expected = corners[faces, 0] + np.einsum("nk,nki->ni", weights, edges)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    moved = np.einsum("nxk,nki->nxi", changes.reshape(-1, 2, 2), edges)
+    np.testing.assert_allclose(found_changes, moved.reshape(-1, 4), atol=1e-6)

@@ -7,12 +7,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.glb import GltfFile
-from texbake.errors import FileFormatError, MeshError, ReadWarning
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.read import read_scene
+from texbake import ImageTexture, ReadWarning, RenderOptions, read_scene, write_image
+from texbake.errors import FileFormatError, MeshError
 from texbake.rendering.scene.scene import camera_of, place_mesh
-from texbake.rendering.scene.textures import ImageTexture
-from texbake.texture.image import write_image
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
 UVS = np.array([[0, 0], [1, 0], [0, 1]], "<f4")

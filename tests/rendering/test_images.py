@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.errors import FileFormatError, OptionError, UvError
+from texbake import ImageTexture, Material, OptionError, Scene, SceneObject, write_image
+from texbake.errors import FileFormatError, UvError
 from texbake.mesh.shapes import cube
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
@@ -19,11 +20,8 @@ from texbake.rendering.maps import (
     heights_from,
     normals_from,
 )
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb, encode_normals
-from texbake.texture.image import Image, write_image
+from texbake.texture.image import Image
 
 RNG = np.random.default_rng(7)
 TEXELS = RNG.random((6, 9, 3)).astype(np.float32)

@@ -10,13 +10,11 @@ from functools import cache
 
 import pytest
 
-from texbake.errors import TexbakeError
+from texbake import MakeOptions, TexbakeError, read_scene
 from texbake.mapping.options import METHODS
-from texbake.mesh.parametric.options import MakeOptions
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.scene.file.schema import TABLES
 from texbake.rendering.scene.file.tables import types_of_fields
-from texbake.rendering.scene.read import read_scene
 from texbake.rendering.scene.scene import camera_of
 
 IMAGE, MOVE = '"damaged.png"', "[1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]"

@@ -9,11 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render_scene
-from texbake.rendering.scene.lights import Ambient, Light, Lighting
-from texbake.rendering.scene.read import read_scene
-from texbake.rendering.scene.scene import CameraView, place_mesh
+from texbake import Ambient, CameraView, Light, Lighting, RenderOptions, read_scene, render_scene
+from texbake.rendering.scene.scene import place_mesh
 
 pytestmark = pytest.mark.realdata
 

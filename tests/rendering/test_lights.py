@@ -3,10 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake import Light, Lighting, Material, OptionError
 from texbake.rendering.effects.lights import arriving_light, fix_in_world, placed_light
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material
 
 WHITE = Material(shading="lambert", base_color=(1.0, 1.0, 1.0))
 CLOSE = {"rtol": 5e-6, "atol": 1e-8}  # float32 light

@@ -3,14 +3,12 @@ import math
 import numpy as np
 import pytest
 
+from texbake import ImageTexture, Light, Lighting, Material, RenderOptions, Scene, SceneObject
 from texbake.mesh.shapes import cube, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, NormalMap
-from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
-from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.material import NormalMap
+from texbake.rendering.scene.scene import transform_matrix
 
 LIT = Lighting(lights=(Light(direction=(-0.2, -0.3, -1.0)),))
 

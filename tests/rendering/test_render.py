@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from random_scenes import random_scene
 
-from texbake.errors import FileError
+from texbake import FileError, RenderOptions, Scene, SceneObject, read_image, render, write_image
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render
-from texbake.rendering.scene.scene import Scene, SceneObject, camera_of, place_mesh
+from texbake.rendering.scene.scene import camera_of, place_mesh
 from texbake.texture.encoding import decode_srgb
-from texbake.texture.image import Image, read_image, write_image
+from texbake.texture.image import Image
 
 SMALL = RenderOptions(width=160, height=120, supersampling=1)
 # Straight onto a plane that faces +z.

@@ -3,19 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from texbake import Lighting, Material, OptionError, RenderOptions, Scene, SceneObject, render_scene
 from texbake.core import core
-from texbake.errors import OptionError
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.effect import Plan
 from texbake.rendering.fragments import DrawnObject, Fragments
-from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import VisibilityBuffer
-from texbake.rendering.render import render_scene
 from texbake.rendering.resolve import Frame, Sums, expose, find_exposure
 from texbake.rendering.results import Costs
-from texbake.rendering.scene.lights import Lighting
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.studio import STUDIO
 from texbake.texture.encoding import encode_srgb, quantize_srgb
 

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from texbake import Ambient, ImageTexture, Light, Lighting, Material
 from texbake.rendering.effects.shading_models import LEAST_ALPHA
-from texbake.rendering.scene.lights import Ambient, Light, Lighting
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.textures import ImageTexture
 
 # Light is float32, and gathered over two lamps and ambient light.
 CLOSE = {"rtol": 2e-6, "atol": 1e-7}

@@ -6,17 +6,15 @@ import numpy as np
 import pytest
 
 from tests.rendering.conftest import pixel_rays
+from texbake import Light, Lighting, Material, Mesh, RenderOptions, Scene, SceneObject
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects.lights import PlacedLight
 from texbake.rendering.effects.shadow_fit import may_shade
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Light, Lighting, Shadow
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, corners_of, transform_matrix
+from texbake.rendering.scene.lights import Shadow
+from texbake.rendering.scene.scene import corners_of, transform_matrix
 
 WHITE = Material(shading="lambert", base_color=(1.0, 1.0, 1.0), double_sided=True)
 ABOVE = Camera.looking_at((0, 8, 0.001), (0, 0, 0), up=(0, 0, -1), fov=math.radians(50), near=0.01)

@@ -3,14 +3,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.mesh.mesh import Mesh
+from texbake import ImageTexture, Light, Lighting, Material, Mesh, RenderOptions, Scene, SceneObject
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.rendering.scene.scene import transform_matrix
+from texbake.rendering.scene.textures import ProcedureTexture
 from texbake.texture.procedures import evaluate
 
 CLOSE = {"rtol": 2e-6, "atol": 1e-6}

@@ -5,14 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake import ImageTexture, Material, OptionError, RenderOptions, Scene, SceneObject
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb
 
 SIZE = 48

@@ -3,14 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake import CameraView, OptionError, RenderOptions, Scene, SceneObject
 from texbake.mesh.shapes import cube, plane
 from texbake.rendering.camera import Camera
-from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.scene import (
-    CameraView,
-    Scene,
-    SceneObject,
     camera_of,
     outline,
     place_mesh,

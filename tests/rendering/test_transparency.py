@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from tests.rendering.conftest import pixel_rays
-from texbake.mesh.mesh import Mesh
+from texbake import ImageTexture, Material, Mesh, RenderOptions, Scene, SceneObject
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
 from texbake.rendering.effects.transparency import MAX_LAYERS
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
-from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.scene import transform_matrix
 
 CAMERA = Camera.looking_at((0.3, 0.2, 4.0), (0.0, 0.1, 0.0), fov=math.radians(40), near=0.1)
 SIZE = 40.0

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from tests.models import moved
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.errors import OptionError
+from texbake import BakeOptions, Mesh, OptionError, bake
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 SIZE = 64

@@ -4,18 +4,13 @@ import numpy as np
 import pytest
 
 from tests.artist_models import bumpy, write_model
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.baking.parts.bake_parts import bake_parts
+from texbake import BakeOptions, Mesh, OptionError, PartsOptions, bake, bake_parts, read_mesh
 from texbake.baking.parts.high_parts import match_objects
 from texbake.baking.parts.low_parts import BakeTarget
-from texbake.baking.parts.matching import PartsOptions
 from texbake.baking.rays import RayMaps
-from texbake.errors import CageError, MeshError, MissError, OptionError, UvError
+from texbake.errors import CageError, MeshError, MissError, UvError
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.tangents import corner_tangents
 

@@ -4,18 +4,16 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
-from texbake.errors import FileError, OptionError, UvError
+from texbake import FileError, OptionError, read_image, read_mesh, simplify, write_image
+from texbake.errors import UvError
 from texbake.jobs.export.export import export_asset
 from texbake.jobs.export.maps import find_maps, kind_of, source_maps
 from texbake.jobs.export.programs import PROGRAMS, ExportOptions
-from texbake.mesh.files import read_mesh
 from texbake.mesh.files.gltf_document import read_document
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.shapes import grid_sphere, uv_sphere
-from texbake.mesh.simplify import simplify
 from texbake.metadata import CONVENTION
 from texbake.targets import SETTINGS
-from texbake.texture.image import read_image, write_image
 from texbake.texture.image_files import write_heights, write_normals
 
 SIZE = 32

@@ -13,16 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from texbake import Light, Lighting, RenderOptions, read_scene, write_image
 from texbake.jobs.export.export import export_asset
 from texbake.jobs.export.programs import ExportOptions
 from texbake.mesh.shapes import uv_sphere
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.read import read_scene
 from texbake.texture.encoding import encode_srgb
-from texbake.texture.image import write_image
 from texbake.texture.image_files import write_normals
 
 PROGRAMS = Path(__file__).parents[2] / "benchmarks"

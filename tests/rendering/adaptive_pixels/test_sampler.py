@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from texbake import Light, Lighting, Material, RenderOptions, Scene, SceneObject, render_scene
 from texbake.mesh.shapes import cube, icosphere
 from texbake.progress import Stages
 from texbake.rendering.adaptive_pixels import sampler
@@ -17,12 +18,9 @@ from texbake.rendering.adaptive_pixels.pixel_statistics import (
 )
 from texbake.rendering.adaptive_pixels.sampler import PixelSampler
 from texbake.rendering.draw import lay_out, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render_scene
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.scene.lights import Environment, Fog, Light, Lighting
-from texbake.rendering.scene.material import Material
-from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
+from texbake.rendering.scene.lights import Environment, Fog
+from texbake.rendering.scene.scene import camera_of
 from texbake.rendering.scene.textures import ProcedureTexture
 from texbake.texture.encoding import encode_srgb
 

@@ -6,11 +6,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from texbake import Mesh, distortion, read_mesh
 from texbake.errors import MeshError
-from texbake.mapping.distortion import distortion
-from texbake.mesh.files import read_mesh
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.topology import find_edges, genus

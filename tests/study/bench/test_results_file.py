@@ -14,10 +14,8 @@ from click.testing import CliRunner
 from texbake_cli.measurements import bench
 from texbake_cli.pipelines import schema
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
-from texbake.errors import FileFormatError, TexbakeError
-from texbake.mesh.files import read_mesh
+from texbake import BakeOptions, TexbakeError, bake, read_mesh
+from texbake.errors import FileFormatError
 from texbake.progress import Stages
 from texbake.study.bench.results_file import bench_schema, merge_results, read_results
 from texbake.study.bench.run import bench_files, export_files
