@@ -94,7 +94,6 @@ def test_watch_builds_saved_changes_until_it_is_stopped(pipeline, script):
         # A shell that runs this in the background has it ignored.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
-        assert process.stdout is not None
 
         def until_watching():
             output = ""

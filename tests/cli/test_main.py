@@ -39,7 +39,6 @@ def test_help_lists_every_command_with_its_purpose():
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_fits_a_terminal_and_has_examples_that_parse(name):
     command = texbake.get_command(CONTEXT, name)
-    assert command is not None
     listed = click.Command(name, help=COMMANDS[name])
     assert command.get_short_help_str(200) == listed.get_short_help_str(200)
     result = CliRunner().invoke(texbake, [name, "--help"])

@@ -69,9 +69,7 @@ def test_closed_streams_stop_nothing(tmp_path, script, closed):
 
 
 def command_of(name):
-    found = command.get_command(click.Context(command), name)
-    assert found is not None
-    return found
+    return command.get_command(click.Context(command), name)
 
 
 @pytest.mark.parametrize(("name", "message", "shown"), [

@@ -19,7 +19,6 @@ def parsed(line):
     """Values of the options of a command, after its defaults."""
     name, *words = line.split()
     command = texbake.get_command(click.Context(texbake), name)
-    assert command is not None
     return command.make_context(name, words).params
 
 

@@ -88,7 +88,6 @@ def test_it_ends_and_leaves_only_the_older_files(name, hears, tmp_path):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "TMPDIR": str(scratch)},
     )  # fmt: skip
     try:
-        assert process.stdout is not None
         assert process.stdout.readline() == b"ready\n"
         process.send_signal(number)
         _, said = process.communicate(timeout=30)

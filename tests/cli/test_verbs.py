@@ -63,7 +63,6 @@ def with_output(words, output):
 
 def values(name, words):
     command = texbake.get_command(click.Context(texbake), name)
-    assert command is not None
     return command.make_context(name, words[1:]).params
 
 

@@ -66,10 +66,8 @@ def place(pair, tmp_path_factory):
         (folder / cut).write_bytes(content[: len(content) // 2])
     write_mesh(icosphere(1), folder / "bare.obj")
     ball = uv_sphere(8, 8)
-    assert ball.uvs is not None
     write_mesh(ball.replace(uvs=np.zeros_like(ball.uvs)), folder / "collapsed.obj")
     sheet = plane()
-    assert sheet.uvs is not None
     write_mesh(sheet, folder / "plane.obj")
     write_mesh(sheet.replace(uvs=2.0 * sheet.uvs), folder / "tiled.obj")
     (folder / "out.png").write_bytes(b"what was there")

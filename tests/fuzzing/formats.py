@@ -5,8 +5,6 @@ target is a format like any other: an input is a file of bytes, from which `draw
 A module is loaded when it is first needed, so that the fuzzer can count its branches.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import sys

@@ -12,8 +12,6 @@ of Python are counted. `--minimize` makes the corpus of the repository from a fo
 smallest that reach all that is reached. Prints a line of JSON for each format.
 """
 
-from __future__ import annotations
-
 import argparse
 import faulthandler
 import hashlib

@@ -3,8 +3,6 @@
 A target raises an error of one line, or returns a result that obeys the laws of all results.
 """
 
-from __future__ import annotations
-
 import tempfile
 from dataclasses import replace
 from pathlib import Path

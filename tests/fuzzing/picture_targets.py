@@ -1,7 +1,5 @@
 """Targets of the fuzzer that take or make pictures: lookups, filters, coding, and rendering."""
 
-from __future__ import annotations
-
 import atexit
 import shutil
 import tempfile

@@ -4,8 +4,6 @@ What a command makes of the changed mesh is compared with what it makes of the m
 change applied to that result.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, field
 

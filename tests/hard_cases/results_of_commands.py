@@ -4,8 +4,6 @@ Where a command chooses (the next edge to collapse, the cut of a chart), a rotat
 breaks ties differently. The bounds are then those of the quality of the result.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from invariance import (
     AREA,

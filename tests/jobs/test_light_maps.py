@@ -210,7 +210,6 @@ def test_threads_change_no_byte():
 
 def test_padding_extends_charts_and_the_background_is_black():
     mesh = plane()
-    assert mesh.uvs is not None
     item = replace(FLOOR, mesh=mesh.replace(uvs=0.25 + 0.5 * mesh.uvs))
     (map_,) = baked(item, lights=(Light(direction=(0, -1, 0)),))
     covered = np.zeros((SIZE, SIZE), bool)
@@ -235,7 +234,6 @@ def test_objects_without_coordinates_are_reported():
 
 def test_overlaps_and_tiles_are_reported():
     mesh = plane(2, 1)
-    assert mesh.uvs is not None
     folded = mesh.replace(uvs=np.abs(mesh.uvs * [2.0, 1.0] - [1.0, 0.0]))
     tiled = mesh.replace(uvs=mesh.uvs * 2.0)
     scene = Scene(
@@ -265,7 +263,6 @@ def test_a_further_set_is_baked_as_if_it_were_the_only_one():
         return Scene(objects=objects, lighting=lighting)
 
     mesh = plane(2, 2)
-    assert mesh.uvs is not None and mesh.uv_faces is not None
     uvs = 0.1 + 0.8 * mesh.uvs
     both = mesh.replace(uv_sets={"lightmap": UvSet(uvs=uvs, faces=mesh.uv_faces)})
     only = mesh.replace(uvs=uvs)

@@ -98,7 +98,6 @@ def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path):
     assert 396 <= result.low.n_faces <= 400 and handles(result.low) <= 400 / 20
     assert find_edges(result.low.faces).closed
     compared = result.comparison
-    assert compared is not None and compared.displaced is not None
     assert compared.mapped.mean_deg < 0.75 * compared.bare.mean_deg
     assert compared.displaced.mean_deg < 0.5 * compared.bare.mean_deg
     assert not any("further from" in note for note in result.warnings)
@@ -135,7 +134,6 @@ def test_parts_that_were_dropped_make_no_spikes(name, tmp_path):
     apart, front = result.simplified.distance, result.baked.report.front
     assert front is not None and front < 0.25 * apart.a_to_b.max
     compared = result.comparison
-    assert compared is not None and compared.displaced is not None
     assert compared.displaced.mean_deg < 0.3 * compared.bare.mean_deg
     assert compared.displaced.psnr_db > compared.bare.psnr_db + 3.0
     assert compared.displaced.outline_mismatch < 0.5 * compared.bare.outline_mismatch

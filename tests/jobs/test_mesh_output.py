@@ -256,7 +256,6 @@ def test_groups_are_what_they_were(ball):
     back, of_back = borders.restored(borders.mesh, mesh)
     np.testing.assert_array_equal(back.face_groups, groups)
     assert back.group_names == mesh.group_names
-    assert of_back.materials is not None
     np.testing.assert_array_equal(of_back.materials.face_materials, materials.face_materials)
 
 

@@ -29,7 +29,6 @@ def hues(picture):
 
 def test_coordinates_outside_the_square_repeat_the_checker():
     mesh = plane()
-    assert mesh.uvs is not None
     here = render_checker(mesh, FRONT)
     there = render_checker(mesh.replace(uvs=mesh.uvs + np.array([3.0, -2.0])), FRONT)
     # 1e-3: coordinates lose 2 of their 53 bits.
@@ -40,7 +39,6 @@ def test_coordinates_outside_the_square_repeat_the_checker():
 
 def test_mirrored_coordinates_show_the_checker_mirrored():
     mesh = plane()
-    assert mesh.uvs is not None
     upright = front_of(render_checker(mesh, FRONT, n_cells=4))
     mirrored = mesh.replace(uvs=mesh.uvs * np.array([-1.0, 1.0]) + np.array([1.0, 0.0]))
     turned = front_of(render_checker(mirrored, FRONT, n_cells=4))
@@ -67,7 +65,6 @@ def test_four_sides_and_the_same_for_any_number_of_threads():
 
 def test_a_checker_repeated_often_is_drawn_with_fewer_texels():
     mesh = plane()
-    assert mesh.uvs is not None
     often = mesh.replace(uvs=mesh.uvs * 8.0)
     picture = front_of(render_checker(often, replace(FRONT, supersampling=4), n_cells=2))
     finer = front_of(render_checker(often, replace(FRONT, supersampling=16), n_cells=2))

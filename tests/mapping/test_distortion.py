@@ -15,7 +15,6 @@ from texbake.mesh.shapes import cube, plane
 
 
 def mapped(mesh, matrix):
-    assert mesh.uvs is not None
     return mesh.replace(uvs=mesh.uvs @ np.transpose(matrix))
 
 
@@ -23,7 +22,6 @@ def squares_of_scales(*scales):
     """Unit squares side by side in space, and in the texture each scaled by its own factor."""
     square = plane()
     positions = [square.positions + np.array([2.0 * i, 0.0, 0.0]) for i in range(len(scales))]
-    assert square.uvs is not None
     uvs = [square.uvs * scale + np.array([20.0 * i, 0.0]) for i, scale in enumerate(scales)]
     faces = np.concatenate([square.faces + 4 * i for i in range(len(scales))])
     return Mesh(
@@ -109,7 +107,6 @@ def test_two_charts_and_the_worst_faces_are_named():
 
 def test_no_more_than_ten_faces_are_named_and_they_are_the_worst():
     mesh = plane(10, 1)
-    assert mesh.uvs is not None
     # Columns ever narrower in the texture.
     bent = mesh.replace(uvs=np.stack([np.sqrt(mesh.uvs[:, 0]), mesh.uvs[:, 1]], axis=1))
     found = distortion(bent)
@@ -124,8 +121,6 @@ def test_no_more_than_ten_faces_are_named_and_they_are_the_worst():
 
 def test_one_mirrored_face_among_many():
     mesh = plane(4, 4)
-    assert mesh.uvs is not None
-    assert mesh.uv_faces is not None
     # A face amid the others laid beside them, its corners the other way round.
     mirrored = mesh.uvs[mesh.uv_faces[12]] * np.array([-1.0, 1.0]) + np.array([3.0, 0.0])
     uv_faces = mesh.uv_faces.copy()
@@ -221,7 +216,6 @@ def test_groups_are_summed_up_by_area():
 
 def test_only_groups_with_a_mirrored_face_are_infinite():
     mesh = plane(2, 1)
-    assert mesh.uvs is not None
     uvs = np.concatenate([mesh.uvs, [[0.0, 0.0], [0.0, 1.0], [1.0, 0.0]]])
     uv_faces = np.array(mesh.uv_faces)
     uv_faces[0] = [6, 7, 8]  # clockwise

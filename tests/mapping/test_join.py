@@ -197,7 +197,6 @@ def cap(height):
 def test_every_chart_of_a_cap_holds_the_bound(max_stretch):
     mesh = cap(-0.4)
     flat = flatten(mesh.positions, mesh.faces)
-    assert flat is not None
     assert flat.l2 > 1.02
     charts = bound_charts(surface(mesh), one_chart(mesh, flat.uvs), max_stretch=max_stretch)
     # Rounding of sums over 900 faces.
@@ -209,7 +208,6 @@ def test_every_chart_of_a_cap_holds_the_bound(max_stretch):
 def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart():
     mesh = cap(0.8)
     flat = flatten(mesh.positions, mesh.faces)
-    assert flat is not None
     charts = bound_charts(surface(mesh), one_chart(mesh, flat.uvs), max_stretch=1.0 + 1e-7)
     assert worst(checked(mesh, charts)) <= 1.0 + 1.1e-7
     # Faces about a vertex of the sphere lack 0.03 rad or more of a full turn, but a polygon that
@@ -219,7 +217,6 @@ def test_a_bound_next_to_1_leaves_no_vertex_inside_a_chart():
 
 def test_a_bad_layout_is_relaxed_and_not_cut_and_a_good_one_kept():
     mesh = plane(6, 6)
-    assert mesh.uvs is not None
     good, squeezed = one_chart(mesh, np.array(mesh.uvs)), one_chart(mesh, np.array(mesh.uvs) ** 2)
     assert bound_charts(surface(mesh), good, max_stretch=1.01) is good
     charts = bound_charts(surface(mesh), squeezed, max_stretch=1.0001)
@@ -241,7 +238,6 @@ def test_a_face_too_thin_to_flatten_is_kept():
 @pytest.mark.parametrize("change", ["join", "bound"])
 def test_faces_without_a_chart_stay_at_a_point_of_their_vertex(change):
     mesh = plane(4, 4)
-    assert mesh.uvs is not None
     faces = mesh.faces.copy()
     faces[5] = faces[5, 0]
     charts = one_chart(mesh, np.array(mesh.uvs) ** 2, faces=faces, n_ignored=1)

@@ -43,7 +43,6 @@ def test_a_mirrored_face_is_red():
 
 def test_a_chart_is_outlined_all_around_and_inner_edges_are_fainter():
     mesh = plane(1, 1)
-    assert mesh.uvs is not None
     picture = draw_layout(mesh.replace(uvs=mesh.uvs * 0.5 + 0.25), 64)
     brightness = picture.sum(axis=2)
     inside, diagonal = brightness[25, 34], brightness[32, 31]
@@ -98,7 +97,6 @@ def two_squares():
     """Unit squares in space; the texture has the right one twice as wide and high, or four times
     as large, so that L2 of the left is √2.5 and of the right √(5/8)."""
     square = plane()
-    assert square.uvs is not None
     return Mesh(
         positions=np.concatenate([square.positions, square.positions + np.array([2.0, 0.0, 0.0])]),
         faces=np.concatenate([square.faces, square.faces + 4]),

@@ -26,10 +26,8 @@ def repaired(mesh, uvs, chart_ids):
 )  # fmt: skip
 def test_a_linear_map_of_a_flat_chart_is_undone(a, b, shear, mirror, offset):
     mesh = plane(4, 3)
-    assert mesh.uvs is not None
     matrix = np.array([[a, shear], [0.0, b]]) @ np.diag([-1.0 if mirror else 1.0, 1.0])
     charts = repaired(mesh, mesh.uvs @ matrix.T + offset, np.zeros(mesh.n_vertices))
-    assert charts is not None
     flat, space = (
         np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         for corners in (charts.uvs[charts.faces], mesh.positions[mesh.faces])
@@ -45,12 +43,10 @@ def test_a_linear_map_of_a_flat_chart_is_undone(a, b, shear, mirror, offset):
 
 def test_every_chart_gets_its_own_map():
     square = plane()
-    assert square.uvs is not None
     both = np.concatenate([square.faces, square.faces + 4])
     mesh = Mesh(positions=np.concatenate([square.positions, square.positions * 0.5]), faces=both)
     uvs = np.concatenate([square.uvs * [3.0, 1.0], square.uvs * [-1.0, 7.0]])
     charts = repaired(mesh, uvs, np.repeat([5, 3], 4))
-    assert charts is not None
     assert charts.n_charts == 2
     assert charts.n_mirrored == 1
     areas = signed_areas(charts.uvs[charts.faces])
@@ -70,11 +66,9 @@ def test_faces_of_a_chart_without_area_become_charts_of_their_own():
 
 def test_a_folded_face_is_laid_out_for_itself():
     mesh = plane(3, 3)
-    assert mesh.uvs is not None
     uvs = mesh.uvs.copy()
     uvs[0] = uvs[5] + (uvs[5] - uvs[0]) * 0.3  # the corner, beyond the diagonal
     charts = repaired(mesh, uvs, np.zeros(mesh.n_vertices))
-    assert charts is not None
     corners = charts.uvs[charts.faces]
     assert (signed_areas(corners) > 0.0).all()
     # Faces of one chart do not overlap; those of different charts may, before they are packed.
@@ -88,13 +82,11 @@ def test_a_folded_face_is_laid_out_for_itself():
 def test_a_chart_that_lies_on_itself_is_taken_apart():
     # Two squares one above the other, joined by a face that stands upright between them.
     square = plane()
-    assert square.uvs is not None
     positions = np.concatenate([square.positions, square.positions + np.array([0, 0, 1.0])])
     faces = np.concatenate([square.faces, square.faces + 4])
     charts = repaired(
         Mesh(positions=positions, faces=faces), np.tile(square.uvs, (2, 1)), np.zeros(8)
     )
-    assert charts is not None
     assert charts.n_charts == 2
     assert charts.n_split == 1
     assert charts.chart_ids[charts.faces[:, 0]].tolist() == [0, 0, 1, 1]
@@ -107,6 +99,5 @@ def test_a_mirrored_sliver_becomes_a_point():
         faces=[[0, 1, 2], [0, 3, 1]],
     )
     charts = repaired(mesh, [[0, 0], [1, 0], [0, 1], [0.5, width]], np.zeros(4))
-    assert charts is not None
     assert (charts.n_charts, charts.n_ignored, charts.n_split) == (1, 1, 0)
     assert len(set(charts.faces[1].tolist())) == 1

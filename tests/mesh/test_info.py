@@ -43,7 +43,6 @@ def test_texture_coordinates():
     uv_faces = np.zeros((12, 3), dtype=int)
     uv_faces[:4] = [[0, 1, 2], [0, 2, 1], [0, 3, 2], [0, 4, 1]]
     info = mesh_info(Mesh(positions=CUBE, faces=CUBE_FACES, uvs=uvs, uv_faces=uv_faces)).uvs
-    assert info is not None
     assert info.n_uvs == 6
     assert info.bounds == ((0.0, 0.0), (1.5, 1.0))
     assert (info.n_out_of_tile, info.n_without_area, info.n_mirrored) == (1, 9, 1)
@@ -102,11 +101,9 @@ def test_an_area_beyond_float64_is_infinite_and_null_in_json():
 @pytest.mark.parametrize("size", [1e-200, 1.0, 1e200, 8e307])
 def test_texture_coordinates_of_any_size_have_their_signs(size):
     square = plane(3, 3)
-    assert square.uvs is not None
     uvs = square.uvs.copy() * 2.0 - 1.0
     flipped = square.replace(
         uvs=uvs * size * [-1.0, 1.0], faces=square.faces, uv_faces=square.uv_faces
     )
     info = mesh_info(flipped).uvs
-    assert info is not None
     assert (info.n_without_area, info.n_mirrored) == (0, square.n_faces)

@@ -127,7 +127,6 @@ def test_objects_that_share_a_vertex_are_one_by_way_of_others():
         group_objects=(5, 3, 9),
     )  # fmt: skip
     found = vertex_objects(chain)
-    assert found is not None
     assert len(set(found[faces[:2]].ravel())) == 1
     assert found[faces[2, 0]] not in found[faces[:2]]
     assert (found[9:] == -1).all() and found[3] == -1

@@ -67,7 +67,6 @@ def test_turned_faces_take_their_normals_and_coordinates_with_them():
     assert report.counts["faces turned"] == ball.n_faces
     assert np.array_equal(repaired.faces, ball.faces)
     assert np.array_equal(repaired.corner_uvs(), ball.corner_uvs())
-    assert repaired.normals is not None
     assert np.array_equal(repaired.normals[repaired.normal_faces], ball.normals[ball.normal_faces])
 
 

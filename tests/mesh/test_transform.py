@@ -47,7 +47,6 @@ def test_flipped_faces_face_the_other_way_with_their_normals():
     ball = BALL.replace(normals=POINTS, normal_faces=BALL.faces)
     flipped = transform(ball, TransformOptions(flip=True))
     assert np.allclose(face_normals(flipped), -face_normals(ball))
-    assert flipped.normals is not None and flipped.normal_faces is not None
     sides = flipped.positions[flipped.faces] * flipped.normals[flipped.normal_faces]
     assert (sides.sum(axis=2) < 0).all()
     again = transform(flipped, TransformOptions(flip=True))

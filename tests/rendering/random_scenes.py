@@ -4,8 +4,6 @@ A scene follows from its seed alone. About a third of all values are at their ne
 strength of 0 or a black color, because these are what a plan has to recognize.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

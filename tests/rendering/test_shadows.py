@@ -94,7 +94,6 @@ SOURCES = {
 
 def texel_at(source, distance):
     """Most that a texel is wide at a distance from a light, across the light."""
-    assert source.shadow is not None
     inner = source.shadow.size - 2 * (math.ceil(source.shadow.filter_radius) + 1)
     if source.kind == "directional":
         # The fit is to the ball's bounding box, whose widest view is its diagonal.
@@ -234,12 +233,10 @@ def test_the_faces_of_a_point_light_meet_without_a_seam():
 def test_size_and_place_change_nothing(scale):
     def scene(factor):
         matrix = transform_matrix(scale=factor)
-        objects = []
-        for item in floor(), ball(CENTER, RADIUS):
-            assert item.transform is not None
-            objects.append(
-                SceneObject(mesh=item.mesh, material=WHITE, transform=matrix @ item.transform)
-            )
+        objects = [
+            SceneObject(mesh=item.mesh, material=WHITE, transform=matrix @ item.transform)
+            for item in (floor(), ball(CENTER, RADIUS))
+        ]
         camera = Camera.looking_at(
             tuple(factor * ABOVE.eye), (0, 0, 0), up=(0, 0, -1), fov=ABOVE.fov, near=0.01 * factor
         )

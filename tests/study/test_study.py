@@ -68,7 +68,6 @@ def test_every_knob_runs(quick_study, name):
         assert math.isfinite(item.error) and item.error >= 0.0
         assert min(item.seconds) > 0.0
         picture = item.outcome.picture
-        assert picture is not None
         assert picture.shape == (200, 200, 3) and picture.dtype == np.float32
         # What a screen shows and little beyond: highlights, and overshoots of bicubic lookups.
         assert picture.min() > -0.2 and picture.max() < 4.0

@@ -1,7 +1,5 @@
 """A hard case: an input made by code, and a sentence on what goes wrong in naive code."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import combinations, product

@@ -1,7 +1,5 @@
 """Meshes that are hard in space: of shapes, scales and places that break naive geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 from catalog.case import Case
 

@@ -1,7 +1,5 @@
 """Images that are hard: of odd sizes, of values that are no numbers, of ranges at the ends."""
 
-from __future__ import annotations
-
 import numpy as np
 import numpy.typing as npt
 from catalog.case import Case

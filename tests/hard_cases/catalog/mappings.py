@@ -1,7 +1,5 @@
 """Meshes and mappings that meet where angles, roots and rays have no answer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Pairs of meshes that are hard to bake: a high-poly one and a low-poly one with coordinates."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

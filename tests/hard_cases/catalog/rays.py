@@ -1,7 +1,5 @@
 """Rays that are hard: aimed exactly at what triangles have in common, or along a surface."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Scenes that are hard: what projection, depth, lights, mirrors and lenses do at their ends."""
 
-from __future__ import annotations
-
 import numpy as np
 from catalog.case import Case
 from catalog.geometry import mesh_of, moved

@@ -1,7 +1,5 @@
 """Meshes that are hard in texture space: coordinates, and the tangents that follow from them."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
