@@ -10,13 +10,11 @@ from dataclasses import fields
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake import Mesh
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane, uv_sphere
 from texbake.schema import option_fields
 
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 EXTREMES = (

@@ -14,7 +14,6 @@ from texbake.mapping.atlas.packing.pack import pack_charts, upright_tiles
 from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int32]
 
 
 def triangles(seed, n_charts):

@@ -47,7 +47,6 @@ from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import FILTERS, ImageTexture, ProcedureTexture, VolumeTexture
 from texbake.texture.image import write_image
 
-Rng = np.random.Generator
 N_IMAGES = 12
 _COLORED = ("base_color", "specular", "emission", "light_map")
 _PLAIN = ("exponent", "gloss", "roughness", "metalness", "occlusion", "opacity")
