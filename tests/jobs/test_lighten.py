@@ -377,6 +377,25 @@ def test_auto_makes_new_coordinates_where_faces_overlap_and_one_node_if_asked(tm
     assert whole.report.keeps_uvs and whole.report.simplified is None
 
 
+def test_parts_that_are_copies_share_texels_and_look_as_before(tmp_path):
+    model = atlas_of_balls(tmp_path, overlap=True, rows=12, cells=16)
+    options = replace(KEPT, uvs="new", size=256, views=2)
+    apart = lighten_file(model, tmp_path / "light.glb", options).report
+    stacked = lighten_file(model, tmp_path / "light.glb", replace(options, stack=True)).report
+    assert (apart.n_shared, stacked.n_shared) == (0, 1)  # the body is ten times as large
+    assert stacked.unwrapped.n_charts < apart.unwrapped.n_charts
+    assert stacked.comparison.mean_db > apart.comparison.mean_db - 0.5
+    low = read_mesh(tmp_path / "light.glb")
+    assert low.group_names == ("body", "left", "right")
+    _, left, right = np.bincount(low.face_groups)
+    assert left == right
+    model = atlas_of_balls(tmp_path, overlap=False)
+    done = lighten_file(model, tmp_path / "light.glb", replace(options, stack=True, views=0))
+    assert any("no parts share texels" in line for line in done.warnings)
+    with pytest.raises(OptionError, match=r"^stack: .*; set `uvs`"):
+        replace(options, stack=True, uvs="keep")
+
+
 def test_coordinates_cannot_stay_where_no_image_lies_on_them(tmp_path):
     write_glb(uv_sphere(24, 48), tmp_path / "plain.glb")
     with pytest.raises(OptionError, match=r"^uvs: plain\.glb has no images .*; use new$"):

@@ -12,23 +12,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from texbake.baking.parts.high_parts import materials_of_faces
 from texbake.errors import OptionError
 from texbake.files import PathLike
 from texbake.jobs.light_images import Picture, pictures_of
 from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
-from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.options import DEFAULT_PADDING, UnwrapOptions
-from texbake.mapping.overlap import find_overlaps, layout_notes
+from texbake.mapping.overlap import is_atlas, layout_notes
+from texbake.mesh.compose import excerpt
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals, has_hard_edges, with_normals
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.objects import joined_objects, object_names, without_borders
+from texbake.mesh.objects import joined_objects, one_group_a_node
 from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.poses import with_poses
+from texbake.mesh.repeated_parts import RepeatedParts
 from texbake.mesh.rig import Rig
 from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
 from texbake.mesh.triangle_tree import with_nearest_motion, with_source_normals
@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 # Materials with images that `auto` keeps. More are slow to draw.
 _MOST_TEXTURED = 8
+_UNSHARED = "no parts share texels: none has the shape and look of another, or they bend"
 _SEAMS = "texture coordinates, holes"
 
 
@@ -62,6 +63,7 @@ class LightModel:
     size: tuple[int, int] | None = None
     unwrapped: UnwrapReport | None = None
     baked: BakeReport | None = None
+    n_shared: int = 0  # parts that share the texels of another
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ class Source:
         is_auto = self.options.uvs == "auto"
         has_fewer = self.mesh.n_faces > n_faces
         may_be_new = is_auto and not is_trial and not self.materials.variants
-        if may_be_new and has_fewer and not _is_atlas(self.mesh, threads):
+        if may_be_new and has_fewer and not is_atlas(self.mesh, threads):
             return self._with_new_uvs(n_faces)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
@@ -146,6 +148,8 @@ class Source:
             return "has no images that lie on its texture coordinates"
         if self.materials.image_uv_sets - {0}:
             return "has images on further texture coordinates"
+        if self.options.stack:
+            return "shares texels, as `stack` asks"
         if self.options.remesh != "never":
             return "is wrapped in another surface, as `remesh` asks"
         if self.options.uvs == "auto" and len(textured) > _MOST_TEXTURED:
@@ -203,7 +207,7 @@ class Source:
             if rule.choice != "auto":
                 low = with_normals(low, rule.choice, angle=rule.angle)
         materials, baked, size = materials.used(), None, None
-        if report is not None and _is_atlas(low, threads) and not self._normals_vary:
+        if report is not None and is_atlas(low, threads) and not self._normals_vary:
             low_poly = reaching(low, report)
             with self.stages.part("bake"):
                 low, materials, baked = self._with_baked_normals(high, low, low_poly, materials)
@@ -264,28 +268,27 @@ class Source:
         check_variants(materials, self.mesh.name)
         with self.stages.part("simplify"):
             high, rule, notes = self._oriented()
+            repeated = RepeatedParts.among(high, materials) if options.stack else None
+            if options.stack and repeated is None:
+                notes = (*notes, f"{self.mesh.name}: {_UNSHARED}")
+            high = high if repeated is None else repeated.mesh
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
-            has_lost_edges = (
-                rule.choice == "auto" and low.normals is None and has_hard_edges(high)
-                and low_poly is not None and not low_poly.is_of_wrap
-            )  # fmt: skip
-            if has_lost_edges:  # smooth normals would see other sides of thin parts
+            if low_poly is not None and _has_lost_edges(low, low_poly, rule, high):
                 rule = replace(rule, choice="angle")
+            low = low if repeated is None else repeated.one_each(low)
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
+        source, high = self._sources(high, repeated)
         maps = transferred_channels(self._shown)
         if simplified is not None or any(materials.sources("normal")) or needs_bake(materials):
             maps = ("normal", *maps)
-        made: dict[str, Any] = {
-            "warnings": notes if low_poly is None else (
-                *notes, *low_poly.why, *low_poly.report.notes
-            ),
-        }  # fmt: skip
+        made: dict[str, Any] = {}
+        if low_poly is not None:
+            notes = (*notes, *low_poly.why, *low_poly.report.notes)
         result = None
         if maps:  # else the shape is as it was, and every channel is one number
-            low, result, layout = self._baked(high, low, low_poly, rule, maps)
-            lines = (*made["warnings"], *layout["warnings"], *result.report.warnings)
-            made |= {**layout, "warnings": lines}
+            low, result, made = source._baked(high, low, low_poly, rule, maps)
+            notes = (*notes, *made.pop("warnings"), *result.report.warnings)
 
         def bake(maps: tuple[str, ...], of: Materials) -> BakeResult:
             assert result is not None
@@ -295,15 +298,30 @@ class Source:
                 return bake_objects(high, low, chosen, pair=are_few, materials=of)
 
         baker = MaterialBaker(
-            low=low, high=self.mesh, materials=materials, name=Path(self.mesh.name).stem,
+            low=low, high=high, materials=source.materials, name=Path(self.mesh.name).stem,
             bake=bake, has_normals=simplified is not None, threads=options.threads,
         )  # fmt: skip
         shared = baker.baked({} if result is None else result.maps)
-        made["warnings"] = (*made["warnings"], *unbaked_images(materials))
-        pictures = tuple(baker.pictures)
+        notes = (*notes, *unbaked_images(materials))
+        if repeated is not None:
+            low, shared = repeated.restored(low, shared)
+            made["n_shared"] = repeated.n_shared
         return LightModel(
-            mesh=low, materials=shared, pictures=pictures, simplified=simplified, **made
+            mesh=low,
+            materials=shared,
+            pictures=tuple(baker.pictures),
+            simplified=simplified,
+            warnings=notes,
+            **made,
         )
+
+    def _sources(self, high: Mesh, repeated: RepeatedParts | None) -> tuple[Source, Mesh]:
+        """Return what is baked from: one of each kind of repeated part, and all others."""
+        if repeated is None:
+            return self, high
+        chosen = repeated.is_first
+        materials = materials_of_faces(self.materials, high, chosen)
+        return replace(self, materials=materials), excerpt(high, chosen)
 
     def _baked(
         self, high: Mesh, low: Mesh, low_poly: LowPoly | None, rule: LowNormals,
@@ -355,7 +373,7 @@ class Source:
         """Return the mesh that gets the maps; and how it was made, if it has fewer triangles."""
         options = self.options
         # Of the attributes only hard edges and objects matter: all others are baked.
-        bare = _one_group_a_node(high)
+        bare = one_group_a_node(high)
         bare = bare.replace(uvs=None, uv_faces=None, tangents=None, colors=None)
         if options.remesh != "always" and high.n_faces <= n_faces:
             return bare, None
@@ -368,33 +386,11 @@ class Source:
         return with_nearest_motion(low_poly.mesh, high, options.threads), low_poly
 
 
-# Share of the area of faces that may overlap others, or leave the unit square, in an atlas.
-_FEW, _OUTSIDE = 0.01, 1e-3
-
-
-def _is_atlas(mesh: Mesh, threads: int | None) -> bool:
-    """Whether the faces of a mesh lie in the unit square, and nearly all beside one another."""
-    corners = mesh.corner_uvs()
-    if corners.min() < -_OUTSIDE or corners.max() > 1.0 + _OUTSIDE:
-        return False
-    areas = np.abs(signed_areas(corners))
-    overlapping = find_overlaps(corners, threads=threads).overlapping
-    return bool(areas[overlapping].sum() <= _FEW * areas.sum() > 0.0)
-
-
 # Objects that are baked one by one.
 _MOST_PAIRED = 64
 
 
-def _one_group_a_node(mesh: Mesh) -> Mesh:
-    """Return a mesh whose groups are the nodes of its file, where these are objects."""
-    if not mesh.group_objects or mesh.face_groups is None:
-        return without_borders(mesh)
-    names = dict(zip(mesh.group_objects, object_names(mesh), strict=True))
-    numbers = sorted(names)
-    groups = np.searchsorted(numbers, np.array(mesh.group_objects)[mesh.face_groups])
-    return mesh.replace(
-        face_groups=groups.astype(np.int32),
-        group_names=tuple(names[number] for number in numbers),
-        group_objects=tuple(numbers),
-    )
+def _has_lost_edges(low: Mesh, low_poly: LowPoly, rule: LowNormals, high: Mesh) -> bool:
+    """Whether smooth normals of a low-poly mesh would see other sides of thin parts."""
+    is_smooth = rule.choice == "auto" and low.normals is None and not low_poly.is_of_wrap
+    return is_smooth and has_hard_edges(high)

@@ -65,6 +65,7 @@ class LightenReport:
     simplified: SimplifyReport | None  # None if the model had few enough triangles
     unwrapped: UnwrapReport | None
     baked: BakeReport | None
+    n_shared: int  # parts that share the texels of another
     stages: tuple[StageRecord, ...]
     comparison: ModelComparison | None = None  # in pictures; None without views
     # images of the model that are missing, and so left out of the pictures
@@ -87,6 +88,8 @@ class LightenReport:
             rows.append(("texels", "{} x {}".format(*self.size)))
         if (atlas := self.unwrapped) is not None:
             rows.append(("charts", f"{atlas.n_charts:,}, padding {atlas.options.padding}"))
+        if self.n_shared:
+            rows.append(("parts that share texels of others", f"{self.n_shared:,}"))
         if self.simplified is not None:
             distance = self.simplified.distance
             apart = (
@@ -109,6 +112,7 @@ class LightenReport:
             "keeps_uvs": self.keeps_uvs,
             "size": None if self.size is None else list(self.size),
             "images": list(self.images),
+            "n_shared": self.n_shared,
             "simplify": None if self.simplified is None else self.simplified.to_json(),
             "unwrap": None if self.unwrapped is None else self.unwrapped.to_json(),
             "bake": None if self.baked is None else self.baked.to_json(),
@@ -180,6 +184,7 @@ def lighten(
         simplified=light_model.simplified,
         unwrapped=light_model.unwrapped,
         baked=light_model.baked,
+        n_shared=light_model.n_shared,
         comparison=comparison,
         missing_images=materials.missing_images,
         stages=tuple(stages.records),

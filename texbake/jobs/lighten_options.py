@@ -56,6 +56,11 @@ class LightenOptions(CheckedOptions):
         "where they are an atlas in which nothing overlaps.",
         choices=("auto", "keep", "new"),
     )
+    stack: bool = option(
+        False,
+        "Let parts that are copies of one another share their texels, where `uvs` is new or auto, "
+        "which then makes new ones. Copies may be moved, turned, mirrored or of another size.",
+    )
     join: bool = option(False, "Write one node instead of those of the model.")
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"
@@ -120,6 +125,11 @@ class LightenOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_angle(self.normals, self.angle)
+        if self.stack and (self.uvs == "keep" or self.remesh != "never"):
+            raise OptionError(
+                "stack: parts share texels in new coordinates of their own surface; set `uvs` to "
+                "new and `remesh` to never"
+            )
         search = "target_size" if self.target_bytes is not None else "min_psnr"
         if self.min_psnr is not None:
             if self.target_bytes is not None:

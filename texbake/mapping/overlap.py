@@ -17,6 +17,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import counted
+from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.parallel import run_bands
@@ -146,3 +147,17 @@ def _packed(corners: FloatArray, charts: IntArray | None, depth: float) -> _Pack
     core.pack_boxes(corners, charts, depth, lines, order, boxes, children, counts)
     n_solid, n_boxes = counts.tolist()
     return _Packed(lines, order[:n_solid], boxes[:n_boxes], children[:n_boxes])
+
+
+# Share of the area of faces that may overlap others, or leave the unit square, in an atlas.
+_FEW, _OUTSIDE = 0.01, 1e-3
+
+
+def is_atlas(mesh: Mesh, threads: int | None = None) -> bool:
+    """Whether the faces of a mesh lie in the unit square, and nearly all beside one another."""
+    corners = mesh.corner_uvs()
+    if corners.min() < -_OUTSIDE or corners.max() > 1.0 + _OUTSIDE:
+        return False
+    areas = np.abs(signed_areas(corners))
+    overlapping = find_overlaps(corners, threads=threads).overlapping
+    return bool(areas[overlapping].sum() <= _FEW * areas.sum() > 0.0)

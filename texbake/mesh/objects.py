@@ -161,6 +161,20 @@ def object_names(mesh: Mesh) -> tuple[str, ...]:
     return tuple(names[number] for number in mesh.group_objects)
 
 
+def one_group_a_node(mesh: Mesh) -> Mesh:
+    """Return a mesh whose groups are the nodes of its file, where these are objects."""
+    if not mesh.group_objects or mesh.face_groups is None:
+        return without_borders(mesh)
+    names = dict(zip(mesh.group_objects, object_names(mesh), strict=True))
+    numbers = sorted(names)
+    groups = np.searchsorted(numbers, np.array(mesh.group_objects)[mesh.face_groups])
+    return mesh.replace(
+        face_groups=groups.astype(np.int32),
+        group_names=tuple(names[number] for number in numbers),
+        group_objects=tuple(numbers),
+    )
+
+
 def _common_name(names: list[str]) -> str:
     """Return what comes before the `/material` or ` number` of the groups of an object."""
     if len(names) == 1:

@@ -127,7 +127,7 @@ class HighMeshes:
             chosen = part.faces_of(mesh, self._first_groups[part.mesh])
             meshes.append(excerpt(mesh, chosen))
             if materials is not None:
-                of_parts.append(_materials_of_faces(materials, mesh, chosen))
+                of_parts.append(materials_of_faces(materials, mesh, chosen))
         joined = _join(meshes)
         return joined, _join_materials(of_parts, meshes) if of_parts else None
 
@@ -204,7 +204,7 @@ def _of_file(material: MeshMaterial, file: str) -> MeshMaterial:
     return replace(material, channels=channels)
 
 
-def _materials_of_faces(materials: Materials, mesh: Mesh, chosen: BoolArray) -> Materials:
+def materials_of_faces(materials: Materials, mesh: Mesh, chosen: BoolArray) -> Materials:
     """Materials of the excerpt of some faces (F,)."""
     if chosen.all():
         return materials
