@@ -85,16 +85,13 @@ def test_few_points_find_the_same_distances_with_runs_of_faces(is_shuffled):
     assert distances == pytest.approx(expected, rel=1e-12)
 
 
-def test_unused_vertices_do_not_count():
+def test_unused_vertices_do_not_count_and_meshes_may_lack_size_or_area():
     stray = Mesh(
         positions=np.concatenate([plane().positions, [[9.0, 9.0, 9.0]]]), faces=plane().faces
     )
     distance = surface_distance(stray, plane(), n_samples=100)
     assert distance.max < 1e-15
     assert distance.diagonal == pytest.approx(np.sqrt(2.0), rel=1e-15)
-
-
-def test_meshes_without_size_or_area():
     point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])
     distance = surface_distance(point, point, n_samples=10)
     assert (distance.max, distance.rms_relative, distance.diagonal) == (0.0, 0.0, 0.0)

@@ -18,22 +18,16 @@ def mesh_of(positions):
     return Mesh(positions=positions, faces=FACES)
 
 
-def test_box_is_centered_and_scaled_by_a_power_of_two():
+def test_box_of_all_faces_is_centered_and_scaled_by_a_power_of_two():
     frame = LocalFrame.around(mesh_of(CORNERS))
     assert frame.center.tolist() == [1.5, 0.5, 1.0]
     assert frame.scale == 0.25
     local = frame.to_local(CORNERS)
     assert local.min(axis=0).tolist() == [-0.375, -0.125, -0.25]
     assert local.max(axis=0).tolist() == [0.375, 0.125, 0.25]
-
-
-def test_box_is_the_joint_one():
     frame = LocalFrame.around(mesh_of(CORNERS), mesh_of(CORNERS + np.array([0.0, 0.0, 4.0])))
     assert frame.center.tolist() == [1.5, 0.5, 3.0]
     assert frame.scale == 0.125
-
-
-def test_vertices_without_faces_do_not_count():
     stray = np.concatenate([CORNERS, [[1e30, 0.0, 0.0]]])
     assert LocalFrame.around(mesh_of(stray)).scale == 0.25
 
@@ -79,13 +73,10 @@ def test_extreme_sizes_stay_finite(size):
     assert np.array_equal(frame.to_model(local), positions)
 
 
-def test_box_without_size_has_scale_one():
+def test_box_without_size_has_scale_one_and_no_mesh_is_an_error():
     frame = LocalFrame.around(mesh_of(np.full((4, 3), 7.5)))
     assert frame.scale == 1.0
     assert not frame.to_local([7.5, 7.5, 7.5]).any()
-
-
-def test_no_mesh_is_an_error():
     with pytest.raises(MeshError, match="no mesh"):
         LocalFrame.around()
 

@@ -140,12 +140,9 @@ def test_it_faces_outwards_from_whichever_end_it_is_listed():
     np.testing.assert_array_equal(up.faces, down.faces)
 
 
-def test_v_is_the_length_along_the_profile():
+def test_v_is_the_length_of_the_profile_and_long_segments_get_more_rows():
     mesh = lathe([(1, 0), (1, 3), (2, 3)])
     assert sorted(set(mesh.uvs[:, 1].tolist())) == [0.0, 0.75, 1.0]
-
-
-def test_long_segments_get_more_rows_and_every_point_stays():
     mesh = lathe([(1, 0), (1, 9), (2, 9)], resolution=(8, 10))
     assert mesh.n_faces == 2 * 8 * 10
     heights = set(mesh.positions[:, 1].tolist())
@@ -193,15 +190,12 @@ def test_a_closed_profile_is_a_ring():
         assert areas_in_texture(mesh).sum() == pytest.approx(1)
 
 
-def test_a_profile_that_touches_the_axis_in_the_middle_hangs_by_a_vertex():
+def test_a_profile_may_touch_the_axis_run_along_it_and_repeat_points():
     mesh = lathe([(1, -1), (0, 0), (1, 1)])
     assert mesh.n_vertices == 2 * 24 + 1
     assert mesh.n_faces == 2 * 24
     assert (face_normals(mesh) != 0).any(axis=1).all()
     assert np.isfinite(mesh.normals).all()
-
-
-def test_pieces_on_the_axis_and_repeated_points_make_no_faces():
     plain = lathe([(0, 0), (1, 0), (1, 1), (0, 1)])
     more = lathe([(0, -2), (0, -1), (0, 0), (1, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 7)])
     np.testing.assert_array_equal(plain.positions, more.positions)

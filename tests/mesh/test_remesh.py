@@ -137,22 +137,16 @@ def test_cavities_are_kept_on_request_and_filled_otherwise(name):
     assert unreported.positions.tobytes() == filled.positions.tobytes()
 
 
-def test_a_cavity_of_a_torn_mesh_is_kept():
+def test_cavities_and_thin_walls_are_kept_and_narrow_cavities_filled():
     inner = flipped(moved(holed(icosphere(5), 3, 0.2), scale=0.5))
     torn = joined(holed(icosphere(5), 6, 0.2), inner)
     result = wrapped(torn, resolution=64, close=0.3, keep_interior=True)
     assert by_volume(result) == pytest.approx(4.0 / 3.0 * np.pi * np.array([1.0, -0.125]), rel=0.05)
-
-
-def test_the_walls_of_a_thin_shell_are_kept():
     shell = joined(BALL, flipped(moved(BALL, scale=0.95)))  # 1.2 voxels
     result, report = remesh_with_report(shell, RemeshOptions(resolution=48, keep_interior=True))
     wrapped(shell, keep_interior=True)
     assert report.n_cavities_kept == 1 and report.n_components == 1
     assert surface_distance(result, shell).max < 0.25 * report.voxel
-
-
-def test_a_cavity_narrower_than_the_closed_gaps_is_filled():
     mesh, _, _ = HOLLOW["ball"]
     _, report = remesh_with_report(
         mesh, RemeshOptions(resolution=48, keep_interior=True, close=1.1)
