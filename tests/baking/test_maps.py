@@ -236,15 +236,12 @@ def test_opacity_is_the_share_of_samples_that_hit(samples, share):
     assert (item.values[:, 11:] == 0.0).all()
 
 
-def test_padding_of_opacity_repeats_holes_too():
+def test_opacity_has_holes_in_its_padding_and_a_fixed_number_of_samples():
     low = plane().replace(uvs=0.25 + 0.5 * plane().uvs)
     item = baked(strip(0.5), "opacity", low=low, padding=4, front=0.1, back=0.1)["opacity"]
     # Above the chart: over the strip opaque, over the hole as empty as that.
     assert (item.values[13:16, 20:30] == 1.0).all()
     assert (item.values[13:16, 34:44] == 0.0).all()
-
-
-def test_opacity_needs_a_fixed_number_of_samples():
     with pytest.raises(OptionError, match="opacity counts misses"):
         baked(plane(), "opacity", "normal", samples="adaptive")
 

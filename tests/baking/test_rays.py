@@ -148,13 +148,10 @@ def test_masks_of_0_and_1_are_smooth_and_face_rays(samples):
     assert not same(half, smooth) and not same(half, face)
 
 
-def test_a_map_of_ones_changes_nothing():
+def test_an_offset_is_a_factor_of_the_front_distance():
     assert same(baked(offset_map=image(1.0)), baked())
     cage = LOW.replace(positions=LOW.positions * 1.2)
     assert same(baked(offset_map=image(1.0), cage=cage), baked(cage=cage))
-
-
-def test_an_offset_is_a_factor_of_the_front_distance():
     assert same(baked(offset_map=image(0.5)), baked(front=0.05))
     assert same(baked(offset_map=image(2.0)), baked(front=0.2))
 

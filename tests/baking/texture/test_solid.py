@@ -51,13 +51,10 @@ def test_a_checker_has_cells_of_8_texels():
     np.testing.assert_array_equal(values[inner], np.where(odd, 1.0 - first, first)[inner])
 
 
-def test_a_ramp_of_one_color_gives_that_color():
+def test_a_ramp_maps_the_values_of_the_procedure():
     options = SolidOptions(procedure="marble", colors=((0.2, 0.4, 0.6),), size=16)
     values = bake_solid(uv_sphere(8, 8), options).values
     np.testing.assert_allclose(values, np.broadcast_to((0.2, 0.4, 0.6), values.shape), atol=1e-6)
-
-
-def test_a_ramp_maps_the_values_of_the_procedure():
     plain = SolidOptions(procedure="noise", scale=5.0, size=16, samples=1)
     colored = dataclasses.replace(plain, colors=((0.0, 1.0, 0.5), (1.0, 0.0, 0.5)))
     value, color = bake_solid(plane(), plain).values, bake_solid(plane(), colored).values
