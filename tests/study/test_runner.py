@@ -42,7 +42,7 @@ class Machine:
         return run_experiment(bench, clock=self.clock, **options)
 
 
-def test_each_round_has_every_setting_once_in_a_changing_order():
+def test_each_round_has_every_setting_once_in_an_order_by_the_seed():
     machine = Machine({name: [1.0] for name in "abcdef"})
     machine.run(repeats=8, seconds=100.0)
     rounds = [tuple(machine.worked[i : i + 6]) for i in range(0, 6 * 9, 6)]
@@ -50,9 +50,6 @@ def test_each_round_has_every_setting_once_in_a_changing_order():
     assert rounds[0] == tuple("abcdef")
     assert all(sorted(order) == list("abcdef") for order in rounds)
     assert len(set(rounds[1:])) > 4
-
-
-def test_the_order_is_the_same_in_every_run_and_another_with_another_seed():
     orders = []
     for seed in ("a knob", "a knob", "another"):
         machine = Machine({name: [1.0] for name in "abcdef"})
@@ -97,14 +94,11 @@ def test_products_are_judged_once_each():
     assert [trial.outcome.error for trial in trials] == [2.0, 3.0]
 
 
-def test_slow_settings_are_run_less_often_but_twice():
+def test_slow_settings_are_run_twice_unless_one_repeat_is_asked_for():
     machine = Machine({"quick": [1.0], "slow": [6.0], "slowest": [40.0]})
     machine.run(repeats=5, seconds=10.0)
     # Of the slowest the first run counts as one of its two.
     assert Counter(machine.worked) == {"quick": 6, "slow": 3, "slowest": 2}
-
-
-def test_one_repeat_is_one_run():
     machine = Machine({"a": [1.0]})
     (trial,) = machine.run(repeats=1, seconds=0.5)
     assert len(trial.seconds) == 1
