@@ -30,7 +30,7 @@ def test_control_characters_become_escapes(text, printed):
     assert printable(text) == printed
 
 
-def test_names_in_a_file_are_printed_without_escape_sequences(tmp_path):
+def test_no_name_in_a_file_has_an_escape_sequence_or_passes_for_a_line(tmp_path):
     path = tmp_path / "red.obj"
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     path.write_text(f"mtllib red.mtl\n{triangle}g \x1b[31mred\nusemtl \x1b[2J\nf 1 2 3\n")
@@ -39,9 +39,6 @@ def test_names_in_a_file_are_printed_without_escape_sequences(tmp_path):
     assert result.exit_code == 0
     assert "\x1b" not in result.output
     assert r"\x1b[2J" in result.output
-
-
-def test_a_name_cannot_pass_for_a_line_of_the_report(tmp_path):
     mesh = icosphere(0)
     names = ("red\nwrote a.png", "blue")
     groups = np.arange(mesh.n_faces) % 2
@@ -50,9 +47,6 @@ def test_a_name_cannot_pass_for_a_line_of_the_report(tmp_path):
     assert result.exit_code == 0
     assert r"red\x0awrote a.png" in result.output
     assert not any(line.startswith("wrote") for line in result.output.splitlines())
-
-
-def test_an_error_names_a_file_without_escape_sequences(tmp_path):
     result = CliRunner().invoke(command, ["info", str(tmp_path / "\x1b[31m.obj")])
     assert result.exit_code != 0
     assert "\x1b" not in result.output
@@ -91,18 +85,12 @@ def test_parameters_become_flags(name, message, shown):
     assert with_flags(message, command_of(name)) == shown
 
 
-def test_a_file_with_the_name_of_a_parameter_keeps_it(tmp_path, monkeypatch):
+def test_a_file_keeps_its_name_and_an_option_error_knows_its_parameters(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("maps").mkdir()
     done = CliRunner().invoke(command, ["bake", "maps", "low.obj", "-o", "baked"])
     assert done.exit_code == 1
     assert done.stderr.startswith("texbake: maps: there is no mesh in it")
-
-
-def test_without_a_command_a_message_stays():
     assert with_flags("size: 0; raise `size`") == "size: 0; raise `size`"
-
-
-def test_an_option_error_knows_its_parameters():
     assert OptionError("size: 0 is out of range").parameters == ("size",)
     assert OptionError("a/b.ply: two outputs").parameters == ()
