@@ -34,8 +34,8 @@ from texbake.mesh.mesh import FloatArray
 
 # Nodes whose children are never used, and are skipped, however many there are.
 UNREAD_NODES = frozenset({
-    "AnimationCurveNode", "AnimationLayer", "AnimationStack", "Control", "CollectionExclusive",
-    "Document", "Documents", "FBXHeaderExtension", "NodeAttribute", "Pose", "References", "Takes",
+    "AnimationStack", "Control", "CollectionExclusive",
+    "Document", "Documents", "FBXHeaderExtension", "Pose", "References", "Takes",
     "Thumbnail",
 })  # fmt: skip
 

@@ -1,9 +1,9 @@
 """What moves the meshes of an FBX file: models as nodes, clusters as joints, shapes and animations.
 
 Nodes are numbered as `FbxScene.models`, after a node that turns and scales the file to Y up and
-meters. Of an animation, the first layer is read, and sampled at its keys and at least 30 times a
-second, because glTF interpolates rotations in another way than FBX. Of the shapes of a
-channel, the last is its morph target.
+meters. Animations are sampled at their keys and at least 30 times a second, because glTF
+interpolates rotations in another way than FBX. Each shape of a channel is a morph target, also
+those in between.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020; B. Raiskila, "ufbx", 2020, for the matrices
 of clusters and for the flags of keys.
@@ -19,10 +19,18 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
+from texbake.errors import counted
 from texbake.files import PathLike
-from texbake.mesh.deformation import Deformation, Morph, largest_weights
-from texbake.mesh.files.fbx_curves import Curve, read_curve
-from texbake.mesh.files.fbx_nodes import Node
+from texbake.mesh.deformation import Deformation, largest_weights
+from texbake.mesh.files.fbx_animations import (
+    PERCENT,
+    Animation,
+    Shape,
+    full_weights,
+    read_animations,
+)
+from texbake.mesh.files.fbx_cameras import LIGHT, read_camera, read_light, view_node, views_of
+from texbake.mesh.files.fbx_curves import Curve
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
     FbxScene,
@@ -43,7 +51,7 @@ from texbake.mesh.files.node_matrices import (
     node_matrix,
 )
 from texbake.mesh.files.source import parsed
-from texbake.mesh.files.unread_parts import unread_parts
+from texbake.mesh.files.unread_parts import LIGHTS
 from texbake.mesh.mesh import FloatArray
 from texbake.mesh.rig import Rig, RigObject, moving_ancestors
 
@@ -70,28 +78,31 @@ class FbxMotions:
                     found.append((self.numbers[joints[0].key], cluster))
         return found
 
-    def shapes(self, geometry: FbxObject) -> list[tuple[str, float, Node, Id | None]]:
-        """Morph targets of a geometry: name, weight, node, and the channel that sets the weight."""
-        found: list[tuple[str, float, Node, Id | None]] = [
-            (shape.text() or f"shape {i}", 0.0, shape, None)
+    def shapes(self, geometry: FbxObject) -> list[Shape]:
+        """Morph targets of a geometry."""
+        found = [
+            Shape(shape.text() or f"shape {i}", shape)
             for i, shape in enumerate(geometry.node.named("Shape"))
         ]
         used: set[Id] = set()  # files could name a large shape very often
         for blend in self._deformers(geometry, "BlendShape"):
             for channel in self._deformers(blend, "BlendShapeChannel"):
                 shapes = self.scene.members_of(channel.key, "Geometry")
-                percent = channel.node.numbers("DeformPercent")
-                if shapes and shapes[-1].key not in used:
-                    used.add(shapes[-1].key)
-                    weight = float(percent[0]) / 100.0 if len(percent) else 0.0
-                    found.append((channel.name, weight, shapes[-1].node, channel.key))
+                if not shapes or any(shape.key in used for shape in shapes):
+                    continue
+                used |= {shape.key for shape in shapes}
+                full = full_weights(channel, len(shapes))
+                names = [shape.name or channel.name for shape in shapes[:-1]]
+                for place, shape in enumerate(shapes):
+                    name = [*names, channel.name][place]
+                    found.append(Shape(name, shape.node, channel, full, place))
         return found
 
     def deformation(
         self, model: FbxObject, geometry: FbxObject, n_vertices: int
     ) -> Deformation | None:
         """Return what moves the vertices of a geometry that a model shows."""
-        morphs = tuple(_morph(node, n_vertices) for _, _, node, _ in self.shapes(geometry))
+        morphs = tuple(shape.morph(n_vertices) for shape in self.shapes(geometry))
         joints, weights = self.bindings(geometry, n_vertices)
         number = self.numbers[model.key]
         mover = number if weights.any() else self._movers.get(number)
@@ -143,55 +154,16 @@ class FbxMotions:
     def _movers(self) -> dict[int, int]:
         moving = {
             self.numbers[key]
-            for _, curves in self.animations
-            for key, path in curves
+            for animation in self.animations
+            for key, path in animation.targets
             if key in self.numbers and path in _PLACES
         }
         return moving_ancestors(self.numbers.values(), self.parents, moving) if moving else {}
 
     @cached_property
-    def animations(self) -> list[tuple[str, dict[tuple[Id, str], dict[int, Curve]]]]:
-        """Name and curves of each animation: by what they move, property and axis."""
-        scene = self.scene
-        owners: dict[Id, list[tuple[Id, str]]] = {}
-        for owner, members in scene.members.items():
-            for member, name in members:
-                if name.startswith("Lcl ") or name == "DeformPercent":
-                    owners.setdefault(member, []).append((owner, name))
-        found = []
-        for stack in (o for o in scene.objects.values() if o.node.name == "AnimationStack"):
-            curves: dict[tuple[Id, str], dict[int, Curve]] = {}
-            for layer in scene.members_of(stack.key, "AnimationLayer")[:1]:
-                for node in scene.members_of(layer.key, "AnimationCurveNode"):
-                    axes = self._axes(node)
-                    for target in owners.get(node.key, ()) if axes else ():
-                        curves.setdefault(target, axes)
-            if curves:
-                found.append((stack.name, curves))
-        return found
-
-    def _axes(self, node: FbxObject) -> dict[int, Curve]:
-        axes = {"d|X": 0, "d|Y": 1, "d|Z": 2, "d|DeformPercent": 0}
-        found = {}
-        for member, name in self.scene.members.get(node.key, ()):
-            item = self.scene.objects.get(member)
-            if name in axes and item is not None and item.node.name == "AnimationCurve":
-                curve = read_curve(item.node)
-                if curve is not None:
-                    found[axes[name]] = curve
-        return found
-
-
-def _morph(node: Node, n_vertices: int) -> Morph:
-    """Morph target of a shape."""
-    indices = node.numbers("Indexes").astype(np.int64)
-    moves = node.numbers("Vertices").astype(np.float64)
-    n = min(len(indices), len(moves) // 3)
-    indices, moves = indices[:n], moves[: 3 * n].reshape(-1, 3)
-    sound = (indices >= 0) & (indices < n_vertices) & np.isfinite(moves).all(axis=1)
-    rows = np.zeros((n_vertices, 3))
-    rows[indices[sound]] = moves[sound]
-    return Morph.of_rows(rows)
+    def animations(self) -> list[Animation]:
+        """Animations of the scene."""
+        return read_animations(self.scene)
 
 
 def read_motions(path: PathLike) -> FbxMotions:
@@ -212,9 +184,7 @@ class _RigReader:
     def __init__(self, motions: FbxMotions) -> None:
         self.scene, self.motions = motions.scene, motions
         self.arrays: dict[int, npt.NDArray[np.float32]] = {}
-        # For each channel of shapes: nodes, and the number of its morph target there.
-        self.targets: dict[Id, list[tuple[int, int]]] = {}
-        self.n_morphs: dict[int, int] = {}
+        self.shapes: dict[int, list[Shape]] = {}  # of each node
         self.n_samples = 0
 
     def read(self) -> Rig:
@@ -241,14 +211,40 @@ class _RigReader:
             content["skins"] = skins
         if animations := list(self._animations()):
             content["animations"] = animations
-        others = ("camera", "cameras", "light", "lights")
+        n_left_out = self._add_views(content)
+        noun = "area or volume light"
         return Rig(
             content=content,
             arrays=self.arrays,
             objects=objects,
             has_morph_normals=True,
-            passed_over=tuple(p for p in unread_parts(self.scene) if p.endswith(others)),
+            passed_over=(counted(n_left_out, noun),) if n_left_out else (),
         )
+
+    def _add_views(self, content: dict[str, Any]) -> int:
+        """Add cameras and lights; return the number of lights that glTF has no type for."""
+        scene, nodes, n_left_out = self.scene, content["nodes"], 0
+        lights: list[dict[str, Any]] = []
+        for item in scene.models:
+            number = self.motions.numbers[item.model.key]
+            for kind, source in views_of(scene, item.model):
+                node = view_node(kind, pm.matmul(scene.axes, self.world[number]))
+                light = read_light(source) if kind == LIGHT else None
+                n_left_out += kind == LIGHT and light is None
+                if node is None or (kind == LIGHT and light is None):
+                    continue
+                if light is not None:
+                    node["extensions"] = {LIGHTS: {"light": len(lights)}}
+                    lights.append(light)
+                else:
+                    cameras = content.setdefault("cameras", [])
+                    node["camera"] = len(cameras)
+                    cameras.append(read_camera(scene, source))
+                nodes[number].setdefault("children", []).append(len(nodes))
+                nodes.append({"name": item.model.name, **node})
+        if lights:
+            content["extensions"] = {LIGHTS: {"lights": lights}}
+        return n_left_out
 
     def _objects(
         self, nodes: list[dict[str, Any]], skins: list[dict[str, Any]]
@@ -271,12 +267,10 @@ class _RigReader:
             shapes = self.motions.shapes(geometry)
             fields: dict[str, Any] = {"name": geometry.name or item.model.name}
             if shapes:
-                fields["weights"] = [weight for _, weight, _, _ in shapes]
-                fields["extras"] = {"targetNames": [name for name, _, _, _ in shapes]}
-            for place, (_, _, _, channel) in enumerate(shapes):
-                if channel is not None:
-                    self.targets.setdefault(channel, []).append((number, place))
-            self.n_morphs[number] = len(shapes)
+                rest = [float(s.weights(np.array([s.percent]))[0]) for s in shapes]
+                fields["weights"] = rest
+                fields["extras"] = {"targetNames": [shape.name for shape in shapes]}
+                self.shapes[number] = shapes
             objects[key] = RigObject(
                 node=number, matrix=matrix, fields=fields, n_morphs=len(shapes)
             )
@@ -293,12 +287,12 @@ class _RigReader:
         return len(self.arrays) - 1
 
     def _animations(self) -> Iterator[dict[str, Any]]:
-        for name, curves in self.motions.animations:
-            starts = [c.times[0] for axes in curves.values() for c in axes.values()]
-            begin = min(starts, default=0.0)
+        for animation in self.motions.animations:
+            curves = [curve for target in animation.targets for curve in animation.curves(target)]
+            begin = min((curve.times[0] for curve in curves), default=0.0)
             samplers: list[dict[str, Any]] = []
             channels: list[dict[str, Any]] = []
-            for node, path, times, values in self._channels(curves):
+            for node, path, times, values in self._channels(animation):
                 sampler = {
                     "input": self._array((times - begin)[:, None]),
                     "output": self._array(values),
@@ -307,20 +301,20 @@ class _RigReader:
                 channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
                 samplers.append(sampler)
             if channels:
-                yield {"name": name, "samplers": samplers, "channels": channels}
+                yield {"name": animation.name, "samplers": samplers, "channels": channels}
 
-    def _channels(
-        self, curves: dict[tuple[Id, str], dict[int, Curve]]
-    ) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
+    def _channels(self, animation: Animation) -> Iterator[tuple[int, str, FloatArray, FloatArray]]:
         """Yield node, property, times and values of each animated property."""
-        numbers = self.motions.numbers
-        models = dict.fromkeys(key for key, path in curves if key in numbers and path in _PLACES)
+        numbers, moved = self.motions.numbers, animation.targets
+        models = dict.fromkeys(key for key, path in moved if key in numbers and path in _PLACES)
         for key in models:
             properties = model_properties(self.scene, self.scene.objects[key])
-            own = {path: curves[key, path] for path in _PLACES if (key, path) in curves}
-            times = self._times([c for axes in own.values() for c in axes.values()])
+            curves = [curve for path in _PLACES for curve in animation.curves((key, path))]
+            if not curves:
+                continue
+            times = self._times(curves)
             values = [
-                _sampled(own.get(path, {}), times, vectors(properties, path)) for path in _PLACES
+                animation.at((key, path), times, vectors(properties, path)) for path in _PLACES
             ]
             matrices = local_matrices(properties, *values)
             for path, rows in zip(_PLACES.values(), decomposed(matrices), strict=True):
@@ -328,15 +322,19 @@ class _RigReader:
                     yield numbers[key], path, times[:1], rows[:1]
                 else:
                     yield numbers[key], path, times, rows
-        of_nodes: dict[int, dict[int, Curve]] = {}
-        for (key, path), axes in curves.items():
-            for node, place in self.targets.get(key, ()) if path == "DeformPercent" else ():
-                of_nodes.setdefault(node, {})[place] = axes[0]
-        for node, places in of_nodes.items():
-            times = self._times(list(places.values()), self.n_morphs[node])
-            weights = np.zeros((len(times), self.n_morphs[node]))
-            for place, curve in places.items():
-                weights[:, place] = curve.at(times) / 100.0
+        for node, shapes in self.shapes.items():
+            keys = {shape.channel.key for shape in shapes if shape.channel is not None}
+            curves = [
+                curve for key in sorted(keys, key=str) for curve in animation.curves((key, PERCENT))
+            ]
+            if not curves:
+                continue
+            times = self._times(curves, len(shapes))
+            weights = np.zeros((len(times), len(shapes)))
+            for place, shape in enumerate(shapes):
+                if shape.channel is not None:
+                    target, percent = (shape.channel.key, PERCENT), np.array([shape.percent])
+                    weights[:, place] = shape.weights(animation.at(target, times, percent)[:, 0])
             yield node, "weights", times, weights.reshape(-1, 1)
 
     def _times(self, curves: list[Curve], width: int = 1) -> FloatArray:
@@ -362,10 +360,3 @@ def _bind(cluster: FbxObject, local: FloatArray) -> FloatArray:
     """(4, 4) matrix from a geometry to the joint of a cluster; `local` leads to the model."""
     values = cluster.node.numbers("Transform").astype(np.float64)
     return pm.matmul(values.reshape(4, 4).T if len(values) == 16 else np.eye(4), local)
-
-
-def _sampled(axes: dict[int, Curve], times: FloatArray, default: FloatArray) -> FloatArray:
-    rows: FloatArray = np.tile(default, (len(times), 1))
-    for axis, curve in axes.items():
-        rows[:, axis] = curve.at(times)
-    return rows

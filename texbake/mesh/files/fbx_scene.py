@@ -319,11 +319,11 @@ def _local_rotation(properties: Properties, turns: FloatArray) -> FloatArray:
     """(..., 3, 3) rotations of a model in its parent, from (..., 3) angles in degrees."""
     is_active = bool(_integer(properties, "RotationActive", 0))
     order = _ORDERS[_integer(properties, "RotationOrder", 0) % 6 if is_active else 0]
-    rotation = _rotation(turns, order)
+    rotation = euler_matrices(turns, order)
     if not is_active:
         return rotation
-    before = _rotation(_vector(properties, "PreRotation"))
-    after = _rotation(_vector(properties, "PostRotation"))
+    before = euler_matrices(_vector(properties, "PreRotation"))
+    after = euler_matrices(_vector(properties, "PostRotation"))
     return pm.matmul(pm.matmul(before, rotation), after.T)
 
 
@@ -346,14 +346,14 @@ def _local(
 
 def geometric(properties: Properties) -> FloatArray:
     """(4, 4) matrix from the geometry of a model to the model."""
-    rotation = _rotation(_vector(properties, "GeometricRotation"))
+    rotation = euler_matrices(_vector(properties, "GeometricRotation"))
     matrix = np.eye(4)
     matrix[:3, :3] = rotation * _vector(properties, "GeometricScaling", 1.0)
     matrix[:3, 3] = _vector(properties, "GeometricTranslation")
     return matrix
 
 
-def _rotation(degrees: FloatArray, order: str = "xyz") -> FloatArray:
+def euler_matrices(degrees: FloatArray, order: str = "xyz") -> FloatArray:
     """(..., 3, 3) rotations by (..., 3) angles about the axes, one axis after the other."""
     angles = np.where(np.isfinite(degrees), np.radians(degrees), np.nan)
     cos, sin = pm.cos(angles), pm.sin(angles)
