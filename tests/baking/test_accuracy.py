@@ -147,5 +147,4 @@ def test_displacement_of_the_sphere(high, low, baked):
     displaced = points + heights[:, None] * directions
     away = np.abs(np.linalg.norm(displaced, axis=1) - radius(*angles_of(displaced)))
     # The grid's chords are off by h^2 / 8 of the curvature: 2e-5 of the diagonal of 3.5.
-    assert away.max() < 1e-3 * high.diagonal
-    assert away.mean() < 2e-5 * high.diagonal
+    assert away.max() < 1e-3 * high.diagonal and away.mean() < 2e-5 * high.diagonal

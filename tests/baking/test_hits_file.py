@@ -74,8 +74,7 @@ def test_only_the_faces_that_were_hit_are_kept_or_none_at_all(painted, tmp_path)
     options = BakeOptions(size=8, front=0.1, back=0.1, keep_hits=True, maps=("normal", "opacity"))
     write_hits(bake(far, plane(), options), tmp_path / "none.npz")
     result = remap_hits(read_hits(tmp_path / "none.npz"), options)
-    assert not result.has_data.any()
-    assert not result.maps["opacity"].values.any()
+    assert not result.has_data.any() and not result.maps["opacity"].values.any()
 
 
 def test_what_the_file_does_not_have_is_an_error(tmp_path):

@@ -133,6 +133,5 @@ def test_rays_reach_a_peak_at_the_last_corners_of_faces():
         faces=np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]], dtype=np.int32),
     )
     result = bake(high, low, BakeOptions(size=32))
-    assert result.report.front is not None
-    assert result.report.front >= 0.3
+    assert result.report.front is not None and result.report.front >= 0.3
     assert result.report.texels_missed == 0

@@ -36,8 +36,7 @@ PLAIN = BakeReport(
 
 
 def test_a_bake_without_faults_warns_of_nothing():
-    assert PLAIN.warnings == []
-    assert PLAIN.seconds == 1.75
+    assert (PLAIN.warnings, PLAIN.seconds) == ([], 1.75)
     assert PLAIN.table() == [
         ("meshes", "123,456 triangles onto 789"),
         ("size", "64 x 32, 4 samples per texel"),

@@ -75,8 +75,7 @@ def test_overlapping_faces_first_wins_and_is_counted():
     uvs = [[0, 0], [1, 0], [0, 1], [1, 1]]
     owners, n_overlaps = owners_of(mesh_of(uvs, [[0, 1, 2], [0, 1, 2], [0, 1, 3]]), 32, 32)
     first = owners == 0
-    assert not (owners == 1).any()
-    assert (owners == 2).any()
+    assert not (owners == 1).any() and (owners == 2).any()
     # Each sample of the first face is covered again, by the second; the third adds no new one.
     assert n_overlaps == first.sum()
 
@@ -142,8 +141,7 @@ def test_samples_lie_where_their_barycentrics_say(per_side):
     # Half a unit of the grid that corners were snapped to, and a texel is `per_side` samples wide.
     off = 0.51 / UNIT
     column, row = np.floor(x), np.floor(y)
-    assert np.abs(x - column - 0.5).max() <= off
-    assert np.abs(y - row - 0.5).max() <= off
+    assert np.abs(x - column - 0.5).max() <= off and np.abs(y - row - 0.5).max() <= off
     texels = (row // per_side) * grid.width + column // per_side
     np.testing.assert_array_equal(samples.texel_ids, texels)
     np.testing.assert_array_equal(owners[row.astype(int), column.astype(int)], samples.faces)

@@ -200,12 +200,10 @@ def test_a_change_in_one_builds_again(library, name, tmp_path, write, run):
         (tmp_path / file).write_text(MTL)
     (tmp_path / "my wood.png").write_text("x")
     path = write('[[assets]]\ninputs.high = "a.obj"\n', STEPS)
-    assert run(path)[1] == ["a.r"]
-    assert run(path)[1] == []
+    assert (run(path)[1], run(path)[1]) == (["a.r"], [])
     with (tmp_path / name).open("a") as changed:
         changed.write("\n# more")
-    assert run(path)[1] == ["a.r"]
-    assert run(path)[1] == []
+    assert (run(path)[1], run(path)[1]) == (["a.r"], [])
 
 
 def test_files_named_by_a_changed_material_count_from_then_on(tmp_path, write, run):

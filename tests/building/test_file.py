@@ -154,8 +154,7 @@ def test_sidecars_are_found_by_the_stem(write, tmp_path):
     assets = '[[assets]]\ninputs.high = "?_high.ply"\ninputs.cage = "{stem}_cage.ply"\n'
     steps = '[steps.r]\ndo = "repair"\nmesh = "cage"\n'
     states = {step.asset: (step.state, step.why) for step in plan_build(write(assets, steps))}
-    assert states["a_high"][0] == "runs"
-    assert states["b_high"][0] == "fails"
+    assert (states["a_high"][0], states["b_high"][0]) == ("runs", "fails")
     assert "b_high_cage.ply: there is no such file" in states["b_high"][1]
 
 

@@ -175,8 +175,7 @@ def test_report_as_json(case_of):
     written = json.loads(json.dumps(check(case.mesh, case.low, case.options).to_json()))
     assert (written["n_errors"], written["n_warnings"], written["n_notes"]) == (0, 1, 0)
     (finding,) = written["findings"]
-    assert finding["name"] == "far-from-high"
-    assert finding["mesh"] == "low"
+    assert (finding["name"], finding["mesh"]) == ("far-from-high", "low")
     assert sorted(finding["worst_faces"]) == [6, 7]
     assert "2" in finding["problem"]  # model units that the farthest lies away
     assert written["options"]["size"] == 128

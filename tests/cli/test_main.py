@@ -112,8 +112,7 @@ def test_a_bug_keeps_its_traceback(run, tmp_path):
     )
     done = run("info a.ply", env={**os.environ, "PYTHONPATH": str(tmp_path)})
     assert done.returncode == 1
-    assert "ZeroDivisionError" in done.stderr
-    assert "Traceback" in done.stderr
+    assert "ZeroDivisionError" in done.stderr and "Traceback" in done.stderr
 
 
 def test_the_reader_of_a_pipe_may_leave(script):
@@ -153,5 +152,4 @@ def test_a_process_that_read_an_image_says_nothing_at_its_end(run, tmp_path):
     # OpenImageIO reports objects that Python never frees.
     package.write_image(np.zeros((8, 8)), tmp_path / "height.png", color=False)
     done = run("height-to-normal height.png -o slopes.png", cwd=tmp_path)
-    assert done.returncode == 0
-    assert done.stderr == ""
+    assert (done.returncode, done.stderr) == (0, "")

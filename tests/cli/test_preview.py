@@ -83,8 +83,7 @@ def test_a_transparent_background_is_written_with_its_opacity(invoke, scene):
     )
     invoke("preview clear.toml -o clear.png --size 32x24")
     opacity = pixels("clear.png")[..., 3]
-    assert opacity.shape == (24, 32)
-    assert opacity[0, 0] == 0.0
+    assert (opacity.shape, opacity[0, 0]) == ((24, 32), 0.0)
     assert opacity[12, 16] == 1.0
     # A format without opacity is an error; the opacity is not dropped silently.
     assert "not 4" in invoke("preview clear.toml -o clear.jpg --size 32x24", 2).stderr

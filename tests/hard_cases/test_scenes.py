@@ -14,8 +14,7 @@ from texbake.rendering.scene.material import NormalMap
 
 
 def assert_sound(frame):
-    assert np.isfinite(frame.color).all()
-    assert frame.color.min() >= 0.0
+    assert np.isfinite(frame.color).all() and frame.color.min() >= 0.0
     assert ((frame.coverage >= 0.0) & (frame.coverage <= 1.0)).all()
 
 
@@ -64,8 +63,7 @@ def test_ground_below_the_horizon_is_covered_and_above_it_not():
     """Closed form: an infinite plane fills the picture up to the horizon, the middle row."""
     made = scene(SceneObject(mesh=floor(1e6)), view=looking((0.0, 1.0, 0.0), (0.0, 1.0, -1.0)))
     frame = texbake.render_scene(made, RenderOptions(width=48, height=32, supersampling=1))
-    assert (frame.coverage[:16] == 0.0).all()
-    assert (frame.coverage[17:] == 1.0).all()
+    assert (frame.coverage[:16] == 0.0).all() and (frame.coverage[17:] == 1.0).all()
 
 
 @pytest.mark.parametrize("distance", [1.0, 1e3, 1e6])

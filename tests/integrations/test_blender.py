@@ -277,8 +277,7 @@ def test_maps_are_linked_to_the_material(blender):
         "low_displacement": ["Non-Color", 16],
         "low_normal": ["Non-Color", 16],
     }
-    assert found["before normal"] == "TEX_IMAGE"
-    assert found["uv map"] == "UVMap"
+    assert (found["before normal"], found["uv map"]) == ("TEX_IMAGE", "UVMap")
     assert not found["displaced"]  # the normal map shows that detail
 
 
@@ -304,8 +303,7 @@ def test_materials_of_other_objects_stay_and_maps_are_replaced(blender):
     found = blender("materials")
     assert found["answers"] == ["FINISHED", "FINISHED"]
     assert (found["high"], found["low"]) == ("shared", "shared.001")
-    assert found["textures"] == [0, 1]
-    assert found["images"] == ["low_normal"]
+    assert (found["textures"], found["images"]) == ([0, 1], ["low_normal"])
 
 
 def test_images_are_saved_beside_the_file(blender, tmp_path):
@@ -387,18 +385,15 @@ def test_simplify_keeps_what_a_mesh_has(blender):
 
 def test_remesh_closes_a_mesh(blender):
     found = blender("simplified", "remesh", {"resolution": 32, "sharp_edges": True, "faces": 500})
-    assert found["answer"] == "FINISHED"
-    assert found["name"] == "box_remesh"
-    assert found["closed"]
-    assert found["faces"] <= 500
+    assert (found["answer"], found["name"]) == ("FINISHED", "box_remesh")
+    assert found["closed"] and found["faces"] <= 500
     assert found["volume"] == pytest.approx(8.0, rel=0.02)
     assert found["size"] == pytest.approx([2.0] * 3, rel=0.02)
 
 
 def test_lighten_keeps_the_materials(blender, tmp_path):
     found = blender("lightened", tmp_path)
-    assert found["answer"] == "FINISHED"
-    assert found["name"] == "ball_light"
+    assert (found["answer"], found["name"]) == ("FINISHED", "ball_light")
     assert found["faces"] <= 200
     assert found["kept"] == "JPEG"
     assert found["size"] == pytest.approx([2.0] * 3, rel=0.05)
@@ -409,8 +404,7 @@ def test_check_selects_the_faces_that_it_names(blender):
     found = blender("checked", False)
     assert found["answer"] == "FINISHED"
     assert ["error", "overlapping-coordinates", "2 faces"] in found["found"]
-    assert found["mode"] == "EDIT"
-    assert found["selected"] == [0, 1]
+    assert (found["mode"], found["selected"]) == ("EDIT", [0, 1])
     assert found["again"] == "FINISHED"
 
 
@@ -418,8 +412,7 @@ def test_check_says_where_modifiers_hide_the_faces(blender):
     found = blender("checked", True)
     assert found["answer"] == "FINISHED"
     assert found["mode"] == "EDIT"  # as before
-    assert found["found"]
-    assert "cannot be selected" in found["again"]
+    assert found["found"] and "cannot be selected" in found["again"]
     assert found["mode again"] == "EDIT"
 
 
@@ -493,8 +486,7 @@ def test_objects_that_are_not_meshes_are_skipped(blender):
 
 def test_escape_ends_the_process(blender):
     found = blender("modal", ["MOUSEMOVE", "progress", "ESC"], 4096, "EDIT")
-    assert found["answers"][0] == "RUNNING_MODAL"
-    assert found["answers"][-1] == "CANCELLED"
+    assert (found["answers"][0], found["answers"][-1]) == ("RUNNING_MODAL", "CANCELLED")
     assert set(found["answers"][1:-1]) == {"PASS_THROUGH"}  # the interface stays free
     assert found["reports"] == ["texbake was stopped; nothing has changed"]
     assert found["mode"] == "EDIT"

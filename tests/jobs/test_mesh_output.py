@@ -262,8 +262,7 @@ def test_groups_are_what_they_were(ball):
 def test_unwrap_names_the_command_that_carries_images_over(ball, tmp_path):
     done = unwrap_files(ball, tmp_path / "new.glb")
     (line,) = done.warnings
-    assert "written without the images of" in line
-    assert "texbake lighten" in line
+    assert "written without the images of" in line and "texbake lighten" in line
     materials = materials_of(tmp_path / "new.glb")
     assert not materials.has_images
     assert materials.names == ("wood", "iron")

@@ -66,8 +66,7 @@ def test_heights_go_from_the_lowest_to_the_highest_corner(seed):
     heights = mesh.positions @ axis / np.linalg.norm(axis)
     expected = (heights - heights.min()) / np.ptp(heights)
     assert np.abs(t - expected[mesh.faces]).max() < 1e-12
-    assert t.min() == 0.0
-    assert t.max() == 1.0
+    assert (t.min(), t.max()) == (0.0, 1.0)
 
 
 def test_heights_and_angles_are_measured_from_the_center():
@@ -114,8 +113,7 @@ def test_caps_lie_above_the_side_apart_and_within_the_square():
         side, below, above = np.split(found, [2 * n_sides, 3 * n_sides])
         assert min(above[..., 1].min(), below[..., 1].min()) > side[..., 1].max()
         assert below[..., 0].min() > above[..., 0].max()
-        assert found.min() >= -1e-12
-        assert found.max() <= 1.0 + 1e-12
+        assert found.min() >= -1e-12 and found.max() <= 1.0 + 1e-12
         # Disks: as far from their middles as the radius in the texture.
         scale = np.ptp(side[..., 1]) / height
         for cap in above, below:
@@ -154,8 +152,7 @@ def test_faces_within_45_degrees_of_the_axis_are_a_cap():
 def test_corners_beyond_the_height_stay_clear_of_the_caps():
     mesh = prism(16)
     found = mapped(mesh, caps=True, height=(-1.5, -0.5)).corners  # the side goes from -1 to 1
-    assert found[32:, :, 1].min() > found[:32, :, 1].max()
-    assert found[:32, :, 1].min() >= 0.0
+    assert found[32:, :, 1].min() > found[:32, :, 1].max() and found[:32, :, 1].min() >= 0.0
 
 
 def on_sphere(mesh, **choices):

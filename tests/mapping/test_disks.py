@@ -34,8 +34,7 @@ def test_a_developable_part_is_one_chart_with_its_own_lengths():
 def test_a_closed_part_is_divided_until_it_is_flat_enough():
     positions, faces = _geodesic_sphere(16)
     few, many = (laid(Mesh(positions=positions, faces=faces), l2) for l2 in (1.2, 1.01))
-    assert few[1] == many[1] == 0
-    assert 2 <= few[0][0].n_charts < many[0][0].n_charts <= 32
+    assert few[1] == many[1] == 0 and 2 <= few[0][0].n_charts < many[0][0].n_charts <= 32
 
 
 def test_noise_does_not_divide_a_chart():

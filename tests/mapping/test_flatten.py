@@ -58,8 +58,7 @@ def assert_laid_flat(flat, points, faces):
     areas = signed_areas(flat.uvs[faces])
     assert (areas > 0).all()
     assert areas.sum() == pytest.approx(surface_areas(points[faces]).sum(), rel=1e-3)
-    assert flat.energy >= 4 - 1e-12
-    assert flat.l2 >= 1 - 1e-12
+    assert flat.energy >= 4 - 1e-12 and flat.l2 >= 1 - 1e-12
 
 
 @pytest.mark.parametrize("place", [cylinder, cone])
@@ -162,8 +161,7 @@ def test_wound_onto_itself(turns, injective):
     assert flat.energy == pytest.approx(4, abs=1e-5)
     assert flat.injective is injective
     apart = flatten(points, faces, keep_apart=True)
-    assert apart.injective
-    assert not find_overlaps(apart.uvs[faces]).overlapping.any()
+    assert apart.injective and not find_overlaps(apart.uvs[faces]).overlapping.any()
 
 
 def annulus(n_holes_high, place=lambda u, v: (u, v, 0 * u)):
@@ -241,8 +239,7 @@ def test_slivers(height):
     slivers = np.stack([bottom + 1, bottom, len(points) + bottom], axis=1)
     more = np.concatenate([points, middles])
     flat = flatten(more, np.concatenate([faces, slivers]), accuracy=1e-6)
-    assert np.isfinite(flat.uvs).all()
-    assert (signed_areas(flat.uvs[faces]) > 0).all()
+    assert np.isfinite(flat.uvs).all() and (signed_areas(flat.uvs[faces]) > 0).all()
     without = flatten(points, faces, accuracy=1e-6)
     # Slivers weigh 1e-5 of the sheet, and cost what it takes to fold their bases open.
     assert flat.energy == pytest.approx(without.energy, abs=1e-4)

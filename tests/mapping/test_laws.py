@@ -198,8 +198,7 @@ def test_no_face_is_smeared_across_a_seam(options, path):
     elif shape == "plane":
         assert np.abs(found.corners - 0.5).max() <= 4.5
     elif shape != "projector" and not options.get("caps"):
-        assert found.corners.min() >= -1e-12
-        assert found.corners.max() <= 1.0 + 1e-12
+        assert found.corners.min() >= -1e-12 and found.corners.max() <= 1.0 + 1e-12
     if (shape == "box" and not options.get("via")) or options.get("sides"):
         # What float32 leaves of faces without width may turn over; it has no area to speak of.
         areas = signed_areas(found.corners)

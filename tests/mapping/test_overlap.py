@@ -100,8 +100,7 @@ def test_a_stack_and_faces_on_one_point():
     # 20,000 faces on one another are 200 million pairs; one each is enough.
     stack = np.tile(np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]]), (20_000, 1, 1))
     found = find_overlaps(stack)
-    assert found.overlapping.all()
-    assert not found.unsure.any()
+    assert found.overlapping.all() and not found.unsure.any()
     assert not find_overlaps(np.full((20_000, 3, 2), 0.3)).overlapping.any()
     assert not find_overlaps(np.zeros((0, 3, 2))).overlapping.any()
 
@@ -115,8 +114,7 @@ def test_slivers_along_a_diagonal_and_around_a_point_only_touch():
     fan = np.stack([np.zeros((2000, 2)), ring[:-1], ring[1:]], axis=1)
     for corners in strip, fan:
         found = find_overlaps(corners)
-        assert not found.overlapping.any()
-        assert not found.unsure.any()
+        assert not found.overlapping.any() and not found.unsure.any()
     covered = find_overlaps(np.concatenate([strip, [[[-9.0, -9.0], [9.0, -9.0], [0.0, 9.0]]]]))
     assert covered.overlapping.all()
 

@@ -53,8 +53,7 @@ def assert_kept_apart(packing, faces, chart_ids, size, padding):
         distances = distance_transform_edt(~mask)
         assert (distances[(everything > 0) & ~mask] > 2 * padding).all()
         rows, columns = np.nonzero(mask)
-        assert min(rows.min(), columns.min()) >= padding
-        assert rows.max() < size[1] - padding
+        assert min(rows.min(), columns.min()) >= padding and rows.max() < size[1] - padding
         assert columns.max() < size[0] - padding
 
 
@@ -178,8 +177,7 @@ def mixed(seed, n_charts):
 def assert_in_their_tiles(packing, chart_ids, padding):
     corner = np.stack([packing.tiles % 10, packing.tiles // 10], axis=1)[chart_ids]
     texels = (packing.uvs - corner) * SIZE
-    assert (texels >= padding).all()
-    assert (texels <= np.array(SIZE) - padding).all()
+    assert (texels >= padding).all() and (texels <= np.array(SIZE) - padding).all()
 
 
 def areas_in_texels(packing, faces):

@@ -40,8 +40,7 @@ def test_parts_are_connected_and_of_like_size(noise):
     mesh = sphere(24, noise)  # 11,520 faces
     labels, opposite = divided(mesh, 1000)
     sizes = np.bincount(labels)
-    assert 10 <= len(sizes) <= 14
-    assert sizes.min() >= 500
+    assert 10 <= len(sizes) <= 14 and sizes.min() >= 500
     assert sizes.max() <= 1600  # 1.5 times as many as requested, and teeth of the borders
     inside = np.flatnonzero(labels[opposite // 3] == np.repeat(labels, 3)).astype(np.int32)
     assert merged_labels(len(labels), inside // 3, opposite[inside] // 3).max() + 1 == len(sizes)

@@ -36,8 +36,7 @@ def test_the_plane_drops_one_coordinate_and_fits_the_square(axis, right, up):
     flat = np.stack([positions @ right, positions @ up], axis=1)
     flat -= flat.min(axis=0)
     assert np.abs(corners - flat / flat.max()).max() < 1e-14
-    assert corners.min() == 0.0
-    assert corners.max() == 1.0
+    assert (corners.min(), corners.max()) == (0.0, 1.0)
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -21,8 +21,7 @@ def cube_of_squares():
 def test_a_cube_cut_along_all_its_edges_and_a_sphere_from_pole_to_pole():
     mesh = cube_of_squares()
     assert chart_ids(mesh).tolist() == np.repeat(np.arange(6), 2).tolist()
-    assert border_edges(mesh).sum() == 6 * 4
-    assert seam_length(mesh) == 12.0
+    assert (border_edges(mesh).sum(), seam_length(mesh)) == (6 * 4, 12.0)
     n_lat, n_lon = 24, 48
     mesh = uv_sphere(n_lat, n_lon)
     # A half circle of chords, and at each pole every face's own corner cuts the edges to it.

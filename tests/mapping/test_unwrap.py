@@ -23,8 +23,7 @@ def assert_sound(before, after, padding, size):
     assert np.array_equal(after.faces, before.faces)
     corners = after.corner_uvs()
     texels = corners * size
-    assert (texels >= padding).all()
-    assert (texels <= np.array(size) - padding).all()
+    assert (texels >= padding).all() and (texels <= np.array(size) - padding).all()
     assert (signed_areas(corners) >= 0.0).all()
     assert not find_overlaps(corners).overlapping.any()
 
@@ -45,8 +44,7 @@ def test_made_meshes(mesh, size):
     assert found.n_measured == mesh.n_faces
     assert found.n_charts == report.n_charts
     assert found.fill == pytest.approx(report.fill)
-    assert found.stretch.l2 < 1.03
-    assert found.stretch.symmetric_dirichlet < 4.15
+    assert found.stretch.l2 < 1.03 and found.stretch.symmetric_dirichlet < 4.15
 
 
 def test_two_shells_in_one_place_get_coordinates_of_their_own():
@@ -106,8 +104,7 @@ def test_figures_and_parts(name, least_fill):
     mesh = model(name)
     unwrapped, report = unwrap_with_report(mesh, size=1024, padding=1)
     assert_sound(mesh, unwrapped, 1, (1024, 1024))
-    assert report.fill > least_fill
-    assert report.distortion.stretch.l2 < 1.02
+    assert report.fill > least_fill and report.distortion.stretch.l2 < 1.02
     assert report.distortion.n_measured == mesh.n_faces
 
 
@@ -145,8 +142,7 @@ def test_groups_get_tiles_of_their_own():
 def test_more_tiles_hold_more_texels():
     mesh = icosphere(3)
     one, four = (unwrap_with_report(mesh, size=256, tiles=n)[1].distortion for n in (1, 4))
-    assert four.n_tiles > 1
-    assert four.texel_density > 1.5 * one.texel_density
+    assert four.n_tiles > 1 and four.texel_density > 1.5 * one.texel_density
 
 
 def test_no_chart_stretches_more_than_promised():
@@ -227,8 +223,7 @@ def test_parametrize_indexes_the_input_vertices(arrays):
     assert (mapping.dtype, indices.dtype, uvs.dtype) == (np.uint32, np.uint32, np.float32)
     np.testing.assert_array_equal(mapping[indices], faces)
     assert uvs.shape == (len(mapping), 2)
-    assert uvs.min() >= 0.0
-    assert uvs.max() <= 1.0
+    assert uvs.min() >= 0.0 and uvs.max() <= 1.0
     assert set(indices.ravel()) == set(range(len(mapping)))
 
 

@@ -76,11 +76,9 @@ def test_lines_comments_and_keywords():
     with pytest.raises(FileFormatError):
         parse_numbers("text", as_bytes(text))
     numbers = parse_numbers("text", as_bytes(text), lead="v")
-    assert numbers.values.tolist() == [4, 5, 6]
-    assert numbers.lines.tolist() == [0, 2]
+    assert (numbers.values.tolist(), numbers.lines.tolist()) == ([4, 5, 6], [0, 2])
     numbers = parse_numbers("text", as_bytes(text), 0, text.index("vertex"))
-    assert numbers.values.tolist() == [1, 2, 3]
-    assert numbers.lines.tolist() == [0, 2]
+    assert (numbers.values.tolist(), numbers.lines.tolist()) == ([1, 2, 3], [0, 2])
 
 
 def test_many_hard_words_and_a_word_that_ends_at_blanks_or_a_backslash():

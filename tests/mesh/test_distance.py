@@ -38,8 +38,7 @@ def test_one_sided_parts_count():
     half = Mesh(positions=plane().positions * [0.5, 1.0, 1.0], faces=plane().faces)
     distance = surface_distance(half, plane(), n_samples=20_000)
     assert distance.a_to_b.max < 1e-16
-    assert distance.b_to_a.max == 0.5
-    assert distance.max == 0.5
+    assert (distance.b_to_a.max, distance.max) == (0.5, 0.5)
     assert distance.mean == pytest.approx(0.125, rel=1e-3)
 
 
@@ -132,8 +131,7 @@ def test_faces_without_area_get_no_sample():
     flat = np.array([[0, 0, 1], [2, 2, 2]])
     with_flat = mesh.replace(faces=np.concatenate([flat, mesh.faces, flat]))
     _, face_ids, _ = sample_surface(with_flat, 1000)
-    assert face_ids.min() == 2
-    assert face_ids.max() == 13
+    assert (face_ids.min(), face_ids.max()) == (2, 13)
 
 
 def test_no_samples_is_an_error():

@@ -20,14 +20,12 @@ def mesh_of(positions):
 
 def test_box_of_all_faces_is_centered_and_scaled_by_a_power_of_two():
     frame = LocalFrame.around(mesh_of(CORNERS))
-    assert frame.center.tolist() == [1.5, 0.5, 1.0]
-    assert frame.scale == 0.25
+    assert (frame.center.tolist(), frame.scale) == ([1.5, 0.5, 1.0], 0.25)
     local = frame.to_local(CORNERS)
     assert local.min(axis=0).tolist() == [-0.375, -0.125, -0.25]
     assert local.max(axis=0).tolist() == [0.375, 0.125, 0.25]
     frame = LocalFrame.around(mesh_of(CORNERS), mesh_of(CORNERS + np.array([0.0, 0.0, 4.0])))
-    assert frame.center.tolist() == [1.5, 0.5, 3.0]
-    assert frame.scale == 0.125
+    assert (frame.center.tolist(), frame.scale) == ([1.5, 0.5, 3.0], 0.125)
     stray = np.concatenate([CORNERS, [[1e30, 0.0, 0.0]]])
     assert LocalFrame.around(mesh_of(stray)).scale == 0.25
 

@@ -40,8 +40,7 @@ def test_texture_coordinates():
     uv_faces = np.zeros((12, 3), dtype=int)
     uv_faces[:4] = [[0, 1, 2], [0, 2, 1], [0, 3, 2], [0, 4, 1]]
     info = mesh_info(Mesh(positions=CUBE, faces=CUBE_FACES, uvs=uvs, uv_faces=uv_faces)).uvs
-    assert info.n_uvs == 6
-    assert info.bounds == ((0.0, 0.0), (1.5, 1.0))
+    assert (info.n_uvs, info.bounds) == (6, ((0.0, 0.0), (1.5, 1.0)))
     assert (info.n_out_of_tile, info.n_without_area, info.n_mirrored) == (1, 9, 1)
 
 

@@ -403,5 +403,4 @@ def test_an_image_named_by_a_path_of_another_machine_is_found_beside_the_library
     (tmp_path / "a.mtl").write_text(f"newmtl red\nmap_Kd {name}\n")
     (tmp_path / "a.obj").write_text("mtllib a.mtl\n" + SQUARE + "usemtl red\n" + TRIANGLE)
     found = read_materials(tmp_path / "a.obj", read_mesh(tmp_path / "a.obj"))
-    assert found.missing == ()
-    assert found.sources("base-color")[0].image.data == b"red"
+    assert (found.missing, found.sources("base-color")[0].image.data) == ((), b"red")

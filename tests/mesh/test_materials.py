@@ -146,8 +146,7 @@ def test_gltf_materials_go_by_primitive(tmp_path):
         tmp_path, {"name": "skin", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1]}}
     )
     found = read_materials(path, read_mesh(path))
-    assert found.names == ("skin", "material")
-    assert found.face_materials.tolist() == [0, 1]
+    assert (found.names, found.face_materials.tolist()) == (("skin", "material"), [0, 1])
     assert found.sources("base-color") == [
         ChannelSource((0.5, 0.25, 1.0)), ChannelSource((1.0, 1.0, 1.0))
     ]  # fmt: skip
@@ -185,8 +184,7 @@ def test_a_moved_gltf_texture_is_turned_for_v_up(tmp_path):
 def test_an_image_on_coordinates_that_are_not_there_is_noted(tmp_path):
     path = with_image(tmp_path, texCoord=1)
     found = read_materials(path, read_mesh(path))
-    assert found.sources("base-color")[0].image is None
-    assert "TEXCOORD_1" in found.notes()[0]
+    assert found.sources("base-color")[0].image is None and "TEXCOORD_1" in found.notes()[0]
 
 
 def test_materials_are_checked():

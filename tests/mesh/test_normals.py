@@ -101,8 +101,7 @@ def test_face_on_a_line_has_no_normal(scale):
     direction = np.array([0.1, 0.7, -0.3])
     points = (np.array([0.3, 0.9, 0.2]) + direction * np.array([[0], [1.1], [3.7]])) * scale
     mesh = Mesh(positions=points, faces=[[0, 1, 2], [0, 0, 1], [2, 2, 2]])
-    assert not face_normals(mesh).any()
-    assert not vertex_normals(mesh).any()
+    assert not face_normals(mesh).any() and not vertex_normals(mesh).any()
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])

@@ -11,8 +11,7 @@ SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 def test_triangles_of_polygons_are_in_the_order_of_the_file(read):
     mesh = read(SQUARE + "v 0.5 2 0\nf 1 2 3 5 4\nf 1 2 3\n")
     assert mesh.faces.tolist() == [[0, 1, 3], [2, 4, 3], [3, 1, 2], [0, 1, 2]]
-    assert mesh.uvs is None
-    assert mesh.normals is None
+    assert mesh.uvs is None and mesh.normals is None
     assert mesh.face_groups is None
 
 
@@ -101,8 +100,7 @@ def test_groups_and_objects(read):
 
 def test_materials_are_groups_where_there_are_no_others(read):
     mesh = read(SQUARE + "mtllib a.mtl\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\nusemtl a\nf 1 2 4\n")
-    assert mesh.group_names == ("a", "b")
-    assert mesh.face_groups.tolist() == [0, 1, 0]
+    assert (mesh.group_names, mesh.face_groups.tolist()) == (("a", "b"), [0, 1, 0])
 
 
 def test_name_that_is_not_utf8(read):

@@ -85,8 +85,7 @@ def test_objects_and_groups_of_an_obj_file_are_apart_and_materials_are_not(
 def test_objects_come_back_from_files(tmp_path, suffix):
     write_mesh(join_parts(NAMED, "two"), tmp_path / f"two{suffix}")
     mesh = read_mesh(tmp_path / f"two{suffix}")
-    assert len(set(mesh.group_objects)) == 2
-    assert object_names(mesh) == ("lid", "box")
+    assert (len(set(mesh.group_objects)), object_names(mesh)) == (2, ("lid", "box"))
 
 
 def test_objects_whose_names_are_alike_as_identifiers(tmp_path):

@@ -21,8 +21,7 @@ def test_a_scale_that_darkens_evenly_to_both_sides():
     levels = np.linspace(-1.0, 1.0, 41)
     colors = diverging(levels)
     luminance = colors @ [0.2126, 0.7152, 0.0722]
-    assert (np.diff(luminance[:21]) > 0.0).all()
-    assert (np.diff(luminance[20:]) < 0.0).all()
+    assert (np.diff(luminance[:21]) > 0.0).all() and (np.diff(luminance[20:]) < 0.0).all()
     assert np.ptp(colors[20]) < 1e-6
     low, high = colors[0], colors[-1]
     assert low.argmax() == 2  # blue ...

@@ -110,8 +110,7 @@ def test_borders_that_are_points_close_the_surface(resolution, transposed):
         resolution = resolution[::-1]
     mesh = make("bezier", patches=patches, resolution=resolution)
     edges = find_edges(mesh.faces)
-    assert edges.closed
-    assert not edges.misoriented.any()
+    assert edges.closed and not edges.misoriented.any()
     assert genus(mesh.faces, edges, mesh.n_vertices) == 0
     assert (face_normals(mesh) != 0).any(axis=1).all()
     n_around, n_up = resolution if isinstance(resolution, tuple) else (resolution, resolution)

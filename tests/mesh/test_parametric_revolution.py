@@ -77,8 +77,7 @@ def test_closed_shapes_are_closed_by_their_indices(shape, resolution):
     options, handles = CLOSED[shape]
     mesh = make(shape, resolution=resolution, **options)
     edges = find_edges(mesh.faces)
-    assert edges.closed
-    assert not edges.misoriented.any()
+    assert edges.closed and not edges.misoriented.any()
     assert genus(mesh.faces, edges, mesh.n_vertices) == handles
     assert volume(mesh) > 0
     assert len(np.unique(mesh.positions, axis=0)) == mesh.n_vertices
@@ -192,10 +191,8 @@ def test_a_closed_profile_is_a_ring():
 
 def test_a_profile_may_touch_the_axis_run_along_it_and_repeat_points():
     mesh = lathe([(1, -1), (0, 0), (1, 1)])
-    assert mesh.n_vertices == 2 * 24 + 1
-    assert mesh.n_faces == 2 * 24
-    assert (face_normals(mesh) != 0).any(axis=1).all()
-    assert np.isfinite(mesh.normals).all()
+    assert (mesh.n_vertices, mesh.n_faces) == (2 * 24 + 1, 2 * 24)
+    assert (face_normals(mesh) != 0).any(axis=1).all() and np.isfinite(mesh.normals).all()
     plain = lathe([(0, 0), (1, 0), (1, 1), (0, 1)])
     more = lathe([(0, -2), (0, -1), (0, 0), (1, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 7)])
     np.testing.assert_array_equal(plain.positions, more.positions)
@@ -204,8 +201,7 @@ def test_a_profile_may_touch_the_axis_run_along_it_and_repeat_points():
 
 def test_part_of_a_turn_is_open_with_its_middle_at_the_front():
     mesh = lathe([(1, 0), (1, 1)], turns=0.5, resolution=(4, 1))
-    assert mesh.n_vertices == 5 * 2
-    assert find_edges(mesh.faces).boundary.sum() == 2 * 4 + 2
+    assert (mesh.n_vertices, find_edges(mesh.faces).boundary.sum()) == (5 * 2, 2 * 4 + 2)
     x, _, z = mesh.positions.T
     assert z.min() == pytest.approx(0, abs=1e-16)
     assert sorted(x.tolist())[::9] == [-1.0, 1.0]
@@ -228,9 +224,7 @@ def test_any_profile_gives_a_sound_mesh_or_one_clear_error(points, crease):
         return
     assert np.isfinite(mesh.normals).all()
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-12)
-    assert mesh.uvs.min() >= 0
-    assert mesh.uvs.max() <= 1
+    assert mesh.uvs.min() >= 0 and mesh.uvs.max() <= 1
     edges = find_edges(mesh.faces)
-    assert not edges.non_manifold.any()
-    assert not edges.misoriented.any()
+    assert not edges.non_manifold.any() and not edges.misoriented.any()
     assert volume(mesh) >= -1e-9 * np.abs(mesh.positions).max() ** 3

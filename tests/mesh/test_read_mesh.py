@@ -28,16 +28,14 @@ def error_of(path):
     with pytest.raises(FileError) as caught:
         read_mesh(path)
     message = str(caught.value)
-    assert message.startswith(f"{path}: ")
-    assert "\n" not in message
+    assert message.startswith(f"{path}: ") and "\n" not in message
     return caught.value
 
 
 @every_suffix
 def test_missing_file(tmp_path, suffix):
     error = error_of(tmp_path / f"none{suffix}")
-    assert not isinstance(error, FileFormatError)
-    assert "no such file" in str(error)
+    assert not isinstance(error, FileFormatError) and "no such file" in str(error)
 
 
 @every_suffix

@@ -65,8 +65,7 @@ def test_the_end_of_the_process_is_one_line(damage, what, said, capfd):
     path = damage(what)
     with pytest.raises(FileFormatError, match=said) as error:
         read_mesh(path)
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
     assert capfd.readouterr() == ("", "")
 
 

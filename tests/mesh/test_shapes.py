@@ -47,8 +47,7 @@ def test_uv_sphere_is_closed_and_covers_texture_space(n_lat, n_lon):
     mesh = uv_sphere(n_lat, n_lon)
     assert mesh.n_faces == 2 * (n_lat - 1) * n_lon
     assert mesh.n_vertices == (n_lat - 1) * n_lon + 2
-    assert not open_edges(mesh)
-    assert signed_volume(mesh) > 0.0
+    assert not open_edges(mesh) and signed_volume(mesh) > 0.0
     areas = areas_in_texture(mesh)
     assert areas.min() > 0.0
     # Of the first and last band of latitudes a triangle fan covers half.
@@ -87,8 +86,7 @@ def test_grid_sphere_follows_its_closed_form():
 
 def test_plane_and_cube_are_exact():
     mesh = plane(4, 2, lambda x, y: 2.0 * x + y)
-    assert mesh.n_faces == 16
-    assert mesh.positions[2 * 5 + 3].tolist() == [0.75, 1.0, 2.5]
+    assert (mesh.n_faces, mesh.positions[2 * 5 + 3].tolist()) == (16, [0.75, 1.0, 2.5])
     assert np.array_equal(mesh.uvs, mesh.positions[:, :2])
     assert np.array_equal(mesh.uv_faces, mesh.faces)
     assert areas_in_texture(mesh) == pytest.approx(np.full(16, 1.0 / 16.0), abs=1e-16)

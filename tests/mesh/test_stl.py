@@ -44,8 +44,7 @@ def test_solids_are_groups(read):
         for name, n in (("a", 1), ("b c", 2), ("empty", 0), ("a", 1))
     )
     mesh = read(text)
-    assert mesh.group_names == ("a", "b c")
-    assert mesh.face_groups.tolist() == [0, 1, 1, 0]
+    assert (mesh.group_names, mesh.face_groups.tolist()) == (("a", "b c"), [0, 1, 1, 0])
     assert read(f"solid\n{facets(CORNERS)}endsolid\n").face_groups is None
 
 

@@ -91,8 +91,7 @@ def test_mirrored_halves_keep_their_own_tangents_at_the_shared_edge():
     faces = [[0, 1, 2], [1, 3, 2]]
     uvs = [[1, 0], [0, 0], [0, 1], [1, 0]]
     tangents = corner_tangents(Mesh(positions=positions, faces=faces, uvs=uvs, uv_faces=faces))
-    assert (tangents[0] == [-1, 0, 0, -1]).all()
-    assert (tangents[1] == [1, 0, 0, 1]).all()
+    assert (tangents[0] == [-1, 0, 0, -1]).all() and (tangents[1] == [1, 0, 0, 1]).all()
 
 
 class TestInvariance:

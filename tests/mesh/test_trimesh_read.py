@@ -25,8 +25,7 @@ def test_a_3mf_file_keeps_positions_and_faces(tmp_path):
     read = texbake.read_mesh(tmp_path / "sphere.3mf")
     # The file has as many digits as trimesh writes.
     assert np.allclose(read.positions[read.faces], mesh.positions[mesh.faces], atol=1e-7)
-    assert read.name == "sphere.3mf"
-    assert len(read.group_names) == 1
+    assert (read.name, len(read.group_names)) == ("sphere.3mf", 1)
 
 
 def test_a_collada_file_keeps_coordinates_and_has_each_vertex_once(tmp_path):

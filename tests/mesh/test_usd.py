@@ -189,8 +189,7 @@ def test_subsets_are_groups_and_the_rest_is_the_mesh(stage_file):
             int[] indices = [0, 2, -1]
         }"""
     mesh = read_usd(stage_file(body))
-    assert mesh.group_names == ("left", "wall")
-    assert mesh.face_groups.tolist() == [0, 0, 1, 1]
+    assert (mesh.group_names, mesh.face_groups.tolist()) == (("left", "wall"), [0, 0, 1, 1])
 
 
 def test_holes_faces_without_corners_and_hidden_meshes_are_left_out(stage_file):
@@ -303,8 +302,7 @@ def test_inconsistent_files_are_one_clear_line(stage_file, change, message):
     path.write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises((FileFormatError, MeshError), match=re.escape(message)) as error:
         read_mesh(path)
-    assert str(error.value).startswith(str(path))
-    assert "\n" not in str(error.value)
+    assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda"])

@@ -125,8 +125,7 @@ def test_images_with_their_channels_wraps_and_scales(read, tmp_path):
         "base-color": (0, 1, 2), "alpha": (3,), "metallic": (0,), "roughness": None,
         "emissive": (0, 0, 0),
     }  # fmt: skip
-    assert material.channels["alpha"].factor == (0.25,)
-    assert material.alpha_mode == "blend"
+    assert (material.channels["alpha"].factor, material.alpha_mode) == ((0.25,), "blend")
 
 
 @pytest.mark.parametrize(("scale", "bias", "factor"), [

@@ -70,8 +70,7 @@ def refusal(path, content):
             read_mesh(path)
     except TexbakeError as error:
         assert isinstance(error, FileError | MeshError)
-        assert str(error).startswith(f"{path}: ")
-        assert "\n" not in str(error)
+        assert str(error).startswith(f"{path}: ") and "\n" not in str(error)
         return error
     return None
 

@@ -88,8 +88,7 @@ def test_the_worst_view_is_first_and_others_can_be_chosen(opened):
     caption = "document.querySelector('#compare .caption').textContent"
     assert opened.value(caption) == "View 2: 8.5 dB"
     opened.set("[name=view][value='2']", True)
-    assert opened.value(caption) == "View 3: equal"
-    assert shares(opened) == (0.0, 0.0)
+    assert (opened.value(caption), shares(opened)) == ("View 3: equal", (0.0, 0.0))
     shape = opened.value(
         "(() => { const b = document.querySelector('#compare .stage').getBoundingClientRect();"
         "return b.width / b.height; })()"

@@ -79,8 +79,6 @@ def test_every_vertex_edge_and_face_is_hit_from_outside(shape, scale, shift, cul
     frame = LocalFrame.around(mesh)
     rays = rays_into(mesh, frame)
     found = RayScene.build(mesh, frame).cast(rays, cull_back_faces=cull)
-    assert (found.faces != NO_HIT).all()
-    assert found.distances.max() <= START + TOLERANCE
+    assert (found.faces != NO_HIT).all() and found.distances.max() <= START + TOLERANCE
     if shape in CONVEX:
-        assert found.distances.min() >= START - TOLERANCE
-        assert not found.passed_back.any()
+        assert found.distances.min() >= START - TOLERANCE and not found.passed_back.any()

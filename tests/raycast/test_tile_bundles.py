@@ -31,8 +31,7 @@ def test_a_ray_across_meets_the_plane_where_a_closed_form_says():
 
 def test_a_ray_along_the_triangle_stays_on_it():
     weights, distance, point = met([1.5e-8, 0.25, 2.0], [-1e-8, 0.0, -1.0])
-    assert (weights >= 0).all()
-    assert weights.sum() <= 1
+    assert (weights >= 0).all() and weights.sum() <= 1
     np.testing.assert_allclose(distance, 1.5, atol=1e-7)
     np.testing.assert_allclose(point[0], [0.0, *weights], atol=1e-7)
 
@@ -104,8 +103,7 @@ def test_rays_that_are_not_finite_hit_nothing(value, in_bundles):
     mesh = bumpy()
     found = RayScene.build(mesh, LocalFrame.around(mesh)).cast(rays, places=places)
     others = found.faces.reshape(-1, 7)
-    assert (others[:, :2] == NO_HIT).all()
-    assert (others[:, 2:] != NO_HIT).any(axis=0).all()
+    assert (others[:, :2] == NO_HIT).all() and (others[:, 2:] != NO_HIT).any(axis=0).all()
 
 
 CASTERS = [RayScene.build, EmbreexScene, PlainScene]
@@ -122,11 +120,9 @@ def test_back_faces_are_passed_through_and_reported(caster):
         np.zeros(50),
     )  # fmt: skip
     culled = caster(high, frame).cast(inside)
-    assert (culled.faces == NO_HIT).all()
-    assert culled.passed_back.all()
+    assert (culled.faces == NO_HIT).all() and culled.passed_back.all()
     seen = caster(high, frame).cast(inside, cull_back_faces=False)
-    assert (seen.faces != NO_HIT).all()
-    assert seen.passed_back.all()
+    assert (seen.faces != NO_HIT).all() and seen.passed_back.all()
     # A closed form: the way out of a cube of half size h is h over the greatest component.
     half = frame.to_local(high.positions).max()
     np.testing.assert_allclose(seen.distances, half / np.abs(inside.directions).max(axis=1))

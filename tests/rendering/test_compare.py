@@ -83,8 +83,7 @@ def test_a_tilted_normal_map_is_off_by_its_tilt(angle):
     for figure in mapped.mean_deg, mapped.median_deg, mapped.p95_deg:
         assert figure == pytest.approx(angle, abs=1e-5)
     assert comparison.bare.mean_deg == 0.0
-    assert mapped.psnr_db < 60
-    assert mapped.ssim < 1
+    assert mapped.psnr_db < 60 and mapped.ssim < 1
     seen = np.isfinite(comparison.angles_deg)
     np.testing.assert_array_equal(seen, comparison.high_frame.coverage > 0)
     np.testing.assert_allclose(comparison.angles_deg[seen], angle, atol=1e-5)
@@ -192,8 +191,7 @@ def test_the_side_by_side_picture_holds_the_three_pictures():
     comparison = compare(uv_sphere(48, 96), low, options=options, quick=True)
     sheet = comparison.side_by_side()
     assert sheet.dtype == np.float32
-    assert np.isfinite(sheet).all()
-    assert 0.0 <= sheet.min() < sheet.max() <= 1.0
+    assert np.isfinite(sheet).all() and 0.0 <= sheet.min() < sheet.max() <= 1.0
     # It contains a row of the high-poly mesh's picture, on paper, but for 8-bit rounding.
     row = comparison.high_frame.color[45]
     start = int(row[:, 3].argmax()) - 1

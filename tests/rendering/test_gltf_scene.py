@@ -68,8 +68,7 @@ def test_a_primitive_without_a_material_is_as_the_specification_has_it(asset, tm
     assert made.shading == "metallic-roughness"
     assert (made.base_color, made.roughness, made.metalness) == ((1, 1, 1), 1, 1)
     assert (made.alpha_mode, made.opacity, made.emission) == ("opaque", None, None)
-    assert made.double_sided is False
-    assert not made.vertex_colors
+    assert made.double_sided is False and not made.vertex_colors
 
 
 def test_factors_are_constants(asset, tmp_path):

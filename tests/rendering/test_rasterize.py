@@ -105,8 +105,7 @@ def test_two_planes_that_cross_are_parted_where_they_cross():
     positions = from_grid(points, 64, 64, depth=np.array([0.25, 0.25, 0.75, 0.75] + [0.5] * 4))
     faces = np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 5, 7]], np.int32)
     ids = drawn(positions, faces, FLAT, 64, 64).face_ids
-    assert (ids[:, :32] >= 2).all()
-    assert (ids[:, 32:] < 2).all()
+    assert (ids[:, :32] >= 2).all() and (ids[:, 32:] < 2).all()
 
 
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 2, 1, 0], [2, 0, 3, 1]])
@@ -140,8 +139,7 @@ def test_triangles_without_area_are_not_seen():
     points = np.array([[0, 0], [0, 32], [32, 32], [32, 0], [16, 16], [16, 16]]) * SUBPIXELS
     faces = [[0, 0, 0], [0, 1, 1], [0, 4, 2], [4, 5, 1], [0, 2, 4], [3, 1, 4]]
     visibility = flat_visibility(points, faces, 32, 32)
-    assert (visibility.face_ids == -1).all()
-    assert not visibility.depths.any()
+    assert (visibility.face_ids == -1).all() and not visibility.depths.any()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (40, 1), (3, 2 * BAND_ROWS + 1)])

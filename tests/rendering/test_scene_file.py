@@ -116,8 +116,7 @@ def test_everything_that_a_file_says_is_there(folder):
         material = "red"
         casts_shadows = false
     ''')  # fmt: skip
-    assert scene.name == "all of it"
-    assert scene.view.position == (1, 2, 3)
+    assert (scene.name, scene.view.position) == ("all of it", (1, 2, 3))
     assert scene.view.fov == 50
     assert scene.options() == RenderOptions(width=64, height=32, background=None, supersampling=3)
     assert scene.options(width=8).width == 8
@@ -162,12 +161,10 @@ def test_slots_hold_constants_images_and_procedures(folder):
     assert (image.channel, image.filter, image.scale) == (1, "ewa", (3, 3))
     marble = made.base_color
     assert isinstance(marble, ProcedureTexture)
-    assert marble.parameters == {"seed": 4}
-    assert marble.scale == (2, 2, 2)
+    assert (marble.parameters, marble.scale) == ({"seed": 4}, (2, 2, 2))
     assert marble.colors == ((0, 0, 0), (1, 1, 1))
     assert made.normal_map.texture.image == folder / "gray.png"
-    assert made.normal_map.strength == 1
-    assert made.bump_map.texture.procedure == "noise"
+    assert (made.normal_map.strength, made.bump_map.texture.procedure) == (1, "noise")
     assert made.reflection.strength == (0.25, 0.25, 0.25)
     assert (made.metalness, made.exponent) == (1, 1e4)
 
@@ -250,8 +247,7 @@ def test_projectors(folder):
         s, t, _, q = slide.world_matrix @ [*point, 0, 1]
         np.testing.assert_allclose([s / q, t / q], place, atol=1e-12)
     assert (slide.world_matrix @ [0, 0, 5, 1])[3] == pytest.approx(-1)  # behind it
-    assert other.matrix[0, 3] == 5
-    assert other.strength == 0.5
+    assert (other.matrix[0, 3], other.strength) == (5, 0.5)
 
 
 def test_a_gltf_file_brings_its_own_materials(folder):
@@ -259,8 +255,7 @@ def test_a_gltf_file_brings_its_own_materials(folder):
     moved = read(folder, '[[objects]]\nmesh = "box.glb"\ntranslate = [0, 5, 0]\nvisible = false')
     (item,) = moved.objects
     np.testing.assert_array_equal(item.transform[:3, 3], [0, 5, 0])
-    assert isinstance(item.material.base_color, ImageTexture)
-    assert not item.visible
+    assert isinstance(item.material.base_color, ImageTexture) and not item.visible
     other = read(folder, '[[objects]]\nmesh = "box.glb"\nmaterial = {roughness = 1}').objects[0]
     assert other.material.base_color == (0.8, 0.8, 0.8)
 

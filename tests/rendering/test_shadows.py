@@ -120,8 +120,7 @@ def test_a_ball_throws_the_shadow_of_the_cone_around_it(kind):
     known = on_floor & np.isfinite(found)
     dark, bright = known & (passed < RADIUS - reach), known & (passed > RADIUS + reach)
     assert dark.sum() > 100 and bright.sum() > 3000
-    assert (found[dark] == 0.0).all()
-    assert (found[bright] == 1.0).all()
+    assert (found[dark] == 0.0).all() and (found[bright] == 1.0).all()
 
 
 @pytest.mark.parametrize(("size", "radius", "elevation"), [
@@ -172,8 +171,7 @@ def test_a_shadow_begins_at_the_foot_of_a_wall(size, is_one):
     texel = (6.0 if is_one else 4.0) / (size - 6) * math.sqrt(2.0)
     reach = (1.5 + 0.5) * texel * (2.0 if is_one else 1.0)
     lit_side, behind = near_it & (x > 0.03), near_it & (x < -reach) & (x > -1 + reach)
-    assert (found[lit_side] == 1.0).all()
-    assert (found[behind] == 0.0).all()
+    assert (found[lit_side] == 1.0).all() and (found[behind] == 0.0).all()
     assert (found[near_it & (x < -1 - reach)] == 1.0).all()
     assert lit_side.sum() > 100 and (size == 32 or behind.sum() > 100)
 

@@ -24,8 +24,7 @@ def scene(view=None, **changes):
 
 def test_an_object_without_a_transform_is_its_mesh():
     item = SceneObject(mesh=cube())
-    assert place_mesh(item) is item.mesh
-    assert outline(item) is item.mesh
+    assert place_mesh(item) is item.mesh and outline(item) is item.mesh
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -55,8 +55,7 @@ def test_a_scene_is_drawn_by_the_passes_that_the_page_names(name):
         frame = texbake.render_scene(small(scene), options)
         assert np.isfinite(frame.color).all()
         # Something is seen, and it is not all of one color.
-        assert frame.coverage.any()
-        assert np.ptp(frame.color[..., :3]) > 0.1
+        assert frame.coverage.any() and np.ptp(frame.color[..., :3]) > 0.1
         ran += [item.name for item in frame.plan.passes]
     assert list(dict.fromkeys(ran)) == gallery.passes(shot)
     assert gallery.entry(shot) in gallery.PAGE.read_text()

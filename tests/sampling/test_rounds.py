@@ -74,8 +74,7 @@ def test_the_time_is_spent_and_not_exceeded(budget, overhead, growth):
     """Also where rounds cost half or twice of what is expected at first."""
     work = Work(budget, growth=growth, overhead=overhead)
     report = work.run()
-    assert not work.warnings
-    assert work.now <= budget
+    assert not work.warnings and work.now <= budget
     assert work.now > 0.85 * budget or report.max_error == "1"
 
 

@@ -60,8 +60,7 @@ def test_every_knob_of_every_module_is_in_the_list():
 @pytest.mark.parametrize("name", KNOB_NAMES)
 def test_every_knob_runs(quick_study, name):
     result = next(item for item in quick_study.knobs if item.knob.name == name)
-    assert result.truth in TRUTHS
-    assert len(result.measurements) >= 2
+    assert result.truth in TRUTHS and len(result.measurements) >= 2
     labels = [item.setting.label for item in result.measurements]
     assert len(set(labels)) == len(labels)
     for item in result.measurements:
@@ -371,8 +370,7 @@ def test_settings_compete_only_within_their_problem():
         measured("a", [1.0], 1.0, "easy"), measured("b", [2.0], 0.5, "easy"),
         measured("c", [3.0], 9.0, "hard"), measured("d", [4.0], 20.0, "hard"),
     )  # fmt: skip
-    assert result.fronts == [[0, 1], [2]]
-    assert result.knees == [1, 2]
+    assert (result.fronts, result.knees) == ([[0, 1], [2]], [1, 2])
 
 
 def test_errors_are_the_same_in_every_study_and_for_any_threads(quick_study):

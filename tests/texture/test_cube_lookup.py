@@ -235,8 +235,7 @@ def test_texels_that_are_not_finite_count_as_0():
     image = np.ones((8, 16, 1), np.float32)
     image[0, 0], image[4, 3], image[7, 7] = np.nan, np.inf, -np.inf
     cube = from_latitude_longitude(image)
-    assert cube.faces.max() <= 1.0
-    assert cube.faces.min() >= 0.0
+    assert cube.faces.max() <= 1.0 and cube.faces.min() >= 0.0
     assert cube.faces.min() < 0.9
 
 

@@ -35,8 +35,7 @@ def test_the_finest_level_is_the_image_and_each_level_its_own_texels():
     for index in range(chain.n_levels):
         level = chain.level(index)
         assert level.shape == (*chain.sizes[index], 3)
-        assert np.shares_memory(level, chain.texels)
-        assert not level.flags.writeable
+        assert np.shares_memory(level, chain.texels) and not level.flags.writeable
 
 
 @pytest.mark.parametrize("size", [(5, 7), (3, 1), (9, 4), (2, 31)])
@@ -116,8 +115,7 @@ def test_normals_are_averaged_as_unit_vectors():
     without = normals.copy()
     without[0, 0] = 0.0
     chain = mip_chain(without, kind="normal", roughness=True)
-    assert (chain.level(0)[0, 0] == 0.0).all()
-    assert np.isfinite(chain.texels).all()
+    assert (chain.level(0)[0, 0] == 0.0).all() and np.isfinite(chain.texels).all()
 
 
 def test_a_single_level_shares_the_memory_of_its_image():

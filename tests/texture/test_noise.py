@@ -64,8 +64,7 @@ def test_bounds_mean_and_variance(weight):
         [signed_noise(random_points(60_000, seed), weight=weight, seed=seed) for seed in range(8)]
     )
     known = WEIGHTS[weight]
-    assert np.abs(values).max() <= known.bound
-    assert np.abs(values).max() > 0.7 * known.bound
+    assert np.abs(values).max() <= known.bound and np.abs(values).max() > 0.7 * known.bound
     # Eight seeds lie within 3 sigma / sqrt(8) of the mean over seeds: 1 to 2 percent of it.
     assert (values**2).mean() == pytest.approx(known.variance[1], rel=0.03)
     assert np.abs(values).mean() == pytest.approx(known.size[1], rel=0.02)
@@ -198,8 +197,7 @@ def test_tables_are_permutations_and_unit_gradients():
     np.testing.assert_allclose(np.linalg.norm(tables.sphere, axis=1), 1.0, rtol=1e-15)
     assert {tuple(sorted(map(abs, row))) for row in tables.edges.tolist()} == {(0.0, 1.0, 1.0)}
     assert len(np.unique(tables.edges, axis=0)) == 12
-    assert tables.places.min() >= 0.0
-    assert tables.places.max() < 1.0
+    assert tables.places.min() >= 0.0 and tables.places.max() < 1.0
     # 256 unit vectors even over the sphere: their mean is about 1 / 16 long.
     assert np.linalg.norm(tables.sphere.mean(axis=0)) < 0.2
 

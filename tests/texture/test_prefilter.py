@@ -146,8 +146,7 @@ def test_split_sum_is_the_integral_of_the_brdf(row, column):
 
 def test_no_surface_reflects_more_than_falls_on_it():
     table = split_sum_table()
-    assert table.min() >= 0.0
-    assert table.sum(axis=2).max() <= 1.0 + 1e-6
+    assert table.min() >= 0.0 and table.sum(axis=2).max() <= 1.0 + 1e-6
     # Rougher is darker: light is lost between facets, from above.
     # From roughness 1/4 on that is more than the float32 rounding of a sum near 1.
     assert (np.diff(table[16:, -1].sum(axis=1)) < 0).all()

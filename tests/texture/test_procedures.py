@@ -34,8 +34,7 @@ def test_shapes_and_range(name):
             values = evaluate(name, rows, widths, scalar=scalar)
             assert values.dtype == np.float32
             assert values.shape == (5000, 1 if scalar else n_channels)
-            assert values.min() >= 0.0
-            assert values.max() <= 1.0
+            assert values.min() >= 0.0 and values.max() <= 1.0
     assert evaluate(name, np.empty((0, 3))).shape == (0, n_channels)
 
 

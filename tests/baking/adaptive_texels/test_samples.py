@@ -76,8 +76,7 @@ def test_only_texels_at_an_edge_get_more_samples():
     report = result.report.sampling
     # The column of the edge and the two beside it, whose second differences cross it.
     assert report.sample_percents[1] >= 100 * (SIZE - 3) / SIZE
-    assert report.sample_percents[64] > 0
-    assert report.rays_per_texel < 1 + 3 / SIZE * 84
+    assert report.sample_percents[64] > 0 and report.rays_per_texel < 1 + 3 / SIZE * 84
     values = result.maps["normal"].values
     slope = np.degrees(np.arctan(0.2))
     np.testing.assert_allclose(values[:, :40], np.broadcast_to([0, 0, 1], (SIZE, 40, 3)), atol=1e-6)
@@ -124,8 +123,7 @@ def test_values_that_change_evenly_need_one_sample_at_borders_too():
     # A texel is 2 / (0.6 SIZE) wide; the middle lies within half a sub-square of a covered one, and
     # the finest slivers have their sub-squares' own.
     per_texel = 2.0 / (0.6 * SIZE) * np.linalg.norm(slope)
-    assert errors.max() < 0.25 * per_texel
-    assert np.percentile(errors, 99) < per_texel / 8
+    assert errors.max() < 0.25 * per_texel and np.percentile(errors, 99) < per_texel / 8
     plain = bake(high, low, options(maps=("displacement",), max_error=None))
     off = np.abs(plain.maps["displacement"].values - truth)[has_data & plain.has_data]
     assert np.percentile(off, 99) > 1.4 * np.percentile(errors, 99)

@@ -80,8 +80,7 @@ def test_ample_time_reaches_the_given_error_and_ends():
     options = BakeOptions(size=64, time_budget=600, max_error="3deg", front=0.1, back=0.1)
     start = time.perf_counter()
     report = bake(bumpy(), plane(), options).report
-    assert report.budget.choice == "`max_error=3deg`"
-    assert report.sampling.max_error == "3deg"
+    assert (report.budget.choice, report.sampling.max_error) == ("`max_error=3deg`", "3deg")
     assert report.budget.why == "the closest bound that is wanted"
     assert not report.measured and not report.warnings
     assert report.budget.actual_seconds < time.perf_counter() - start

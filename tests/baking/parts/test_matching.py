@@ -30,8 +30,7 @@ def test_ignored_parts_are_not_matched_and_suffixes_have_any_characters():
     found = matched(["a_high", "a_high_ignore", "b_high_ignored"], ["a_low", "c_low_ignore", "d"])
     assert found["matches"] == [{"base": "a", "low": "a_low", "high": ["a_high"]}]
     assert found["high_ignored"] == ["a_high_ignore"]
-    assert found["low_ignored"] == ["c_low_ignore"]
-    assert found["low_left_over"] == ["d"]
+    assert (found["low_ignored"], found["low_left_over"]) == (["c_low_ignore"], ["d"])
     # `_ignored` is not the suffix `_ignore`, so this is a part of b.
     assert [m["base"] for m in matched(["b_high_ignored"], ["b_low"])["matches"]] == ["b"]
     options = PartsOptions(match_by_name=True, high_suffix=".hp+", low_suffix="(lp)")

@@ -15,8 +15,7 @@ UNIT = np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [0.0, 1.0], 
 def test_a_full_square_lies_in_one_tile(shift, number):
     tiles = Tiles.of(UNIT + np.array(shift))
     assert tiles.numbers == [number]
-    assert tiles.n_crossing == tiles.n_outside == 0
-    assert tiles.faces_in(number).all()
+    assert tiles.n_crossing == tiles.n_outside == 0 and tiles.faces_in(number).all()
     assert not tiles.faces_in(number + 1).any()
     assert corner_of_tile(number).tolist() == list(shift)
 

@@ -187,8 +187,7 @@ def test_the_weight_is_the_power_of_the_cosine():
 def test_the_border_of_a_photograph_has_no_weight():
     weights = [border_weight(u, 0.5, 0.1) for u in (-1.0, 0.0, 1e-9, 0.05, 0.1, 0.5, 0.95, 1.0)]
     assert weights[:2] == [0.0, 0.0] and weights[-1] == 0.0
-    assert 0.0 < weights[2] < 1e-10
-    assert weights[3] == pytest.approx(0.5) == weights[6]
+    assert 0.0 < weights[2] < 1e-10 and weights[3] == pytest.approx(0.5) == weights[6]
     assert weights[4] == weights[5] == 1.0
     assert border_weight(0.5, np.nan, 0.1) == 0.0
     assert border_weight(1e-9, 0.5, 0.0) == 1.0
@@ -211,8 +210,7 @@ def test_transparent_pixels_give_no_color():
     image[:, 16:] = (0.0, 0.0, 1.0, 0.0)
     camera = dataclasses.replace(FRONT, fov=20.0)
     result = bake_photos(plane(), [Photo(image=image, camera=camera)], EVEN)
-    assert 0.4 < result.has_color.mean() < 0.6
-    assert not result.has_color[:, 36:].any()
+    assert 0.4 < result.has_color.mean() < 0.6 and not result.has_color[:, 36:].any()
     np.testing.assert_allclose(result.values[result.has_color] - RED, 0.0, atol=1e-6)
 
 

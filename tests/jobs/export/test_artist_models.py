@@ -105,8 +105,7 @@ def check_same(expected, found, *, names=True):
         assert [polygon[1] for polygon in expected] == [polygon[1] for polygon in found]
     difference = np.abs(np.concatenate([a[2] - b[2] for a, b in zip(expected, found, strict=True)]))
     assert difference[:, :3].max() < 1e-6  # float32 of positions up to 4
-    assert difference[:, 3:6].max() < 5e-4
-    assert difference[:, 6:].max() < 1e-6
+    assert difference[:, 3:6].max() < 5e-4 and difference[:, 6:].max() < 1e-6
 
 
 def test_texbake_reads_the_same_model_from_every_format(asset):
@@ -165,5 +164,4 @@ def test_blender_shades_the_model_as_texbake_does(asset, blender, tmp_path):
         print(f"{asset.name}.{suffix}: {degrees.mean():.2f} degrees apart in the mean, "
               f"{np.percentile(degrees, 99):.1f} at 99 %")  # fmt: skip
         # Pictures have 8 bits, 0.2 degrees a step; quads that are not flat have tangents otherwise.
-        assert np.median(degrees) < 0.5
-        assert (degrees > 5.0).mean() < 0.02
+        assert np.median(degrees) < 0.5 and (degrees > 5.0).mean() < 0.02

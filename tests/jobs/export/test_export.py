@@ -181,8 +181,7 @@ def test_missing_maps_are_constant_and_reported(tmp_path, mesh, maps):
         "T_rock_ORM.png: no ao and no metalness was given; the channel is constant",
     )
     codes = codes_of(result.maps[0].path)
-    assert (codes[..., 0] == 255).all()
-    assert (codes[..., 2] == 0).all()
+    assert (codes[..., 0] == 255).all() and (codes[..., 2] == 0).all()
     assert result.warnings[0] in " ".join(result.settings.read_text(encoding="utf-8").split())
 
 
@@ -259,8 +258,7 @@ def test_usd_refers_to_images_beside_it(export, maps):
     text = result.mesh.read_text(encoding="utf-8")
     assert all(f"@{path.name}@" in text and path.is_file() for path in result.textures)
     packed = export("blender", mesh_format="usdz", name="other")
-    assert packed.textures == ()
-    assert packed.mesh.name == "other.usdz"
+    assert (packed.textures, packed.mesh.name) == ((), "other.usdz")
 
 
 def test_unity_gets_normals_in_the_mesh(tmp_path):

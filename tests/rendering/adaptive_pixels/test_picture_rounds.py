@@ -88,7 +88,6 @@ def test_normals_and_what_follows_are_part_of_the_time(monkeypatch):
     monkeypatch.setattr(samples, "shade_to_sums", slow)
     options = replace(OPTIONS, time_budget="10min", max_error="16/255")
     frame = render(icosphere(2), options=options, clock=BudgetClock(finish=finish))
-    assert frame.normals is not None
-    assert frame.budget.before_seconds > 0.5
+    assert frame.normals is not None and frame.budget.before_seconds > 0.5
     assert frame.budget.least_seconds > 0.7
     assert shapes == [(48, 64, 4)] * 2

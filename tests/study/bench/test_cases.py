@@ -169,8 +169,7 @@ def test_own_meshes_lose_their_normals_and_get_texture_coordinates():
     low = ball.replace(uvs=None, uv_faces=None, normals=-normals, normal_faces=ball.faces)
     case = own_case(uv_sphere(24, 24), low)
     assert case.low.normals is None and case.low.uvs is not None
-    assert case.surface is None
-    assert 0.05 < case.reach < 0.3
+    assert case.surface is None and 0.05 < case.reach < 0.3
     flat = Mesh(positions=np.zeros((3, 3)), faces=np.array([[0, 1, 2]]), name="flat")
     with pytest.raises(MeshError, match="flat: no face has an area"):
         own_case(plane(), flat)

@@ -39,10 +39,8 @@ def contest():
 
 def test_a_curve_has_what_no_setting_of_the_same_program_beats(contest):
     assert contest.programs == ["texbake", "Blender", "xatlas"]
-    assert contest.curve("texbake") == [0, 1]
-    assert contest.curve("Blender") == [3, 4]
-    assert contest.curve("Blender", memory=True) == [4]
-    assert contest.front == [5, 0, 1, 4]
+    assert (contest.curve("texbake"), contest.curve("Blender")) == ([0, 1], [3, 4])
+    assert (contest.curve("Blender", memory=True), contest.front) == ([4], [5, 0, 1, 4])
     assert contest.memory_front == [5, 0, 1, 4]
 
 
