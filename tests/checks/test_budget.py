@@ -239,12 +239,8 @@ def test_junit_counts_what_fails(reports):
             assert int(suite.get("failures")) == len(failed)
             assert bool(failed) == (fail_on is not None and report.fails(fail_on))
             assert len(suite.findall("testcase/skipped")) == report.n_allowed
-    empty = ElementTree.fromstring(junit_of([_clean()], "error"))
+    empty = ElementTree.fromstring(junit_of([replace(check(icosphere(1)), findings=())], "error"))
     assert [case.get("name") for case in empty.iter("testcase")] == ["ready to bake"]
-
-
-def _clean():
-    return replace(check(icosphere(1)), findings=())
 
 
 def test_the_hook_takes_what_can_be_read_and_runs_what_there_is():

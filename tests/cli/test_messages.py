@@ -60,10 +60,6 @@ def test_closed_streams_stop_nothing(tmp_path, script, closed):
     assert texbake.read_mesh(tmp_path / "ball_uv.obj").uvs is not None
 
 
-def command_of(name):
-    return command.get_command(click.Context(command), name)
-
-
 @pytest.mark.parametrize(("name", "message", "shown"), [
     ("bake", "max_error: 'x' is no error", "--max-error: 'x' is no error"),
     ("bake", "front, back: both are 0", "--front, --back: both are 0"),
@@ -80,7 +76,7 @@ def command_of(name):
     ("info", "a.ply: there is no such file", "a.ply: there is no such file"),
 ])  # fmt: skip
 def test_parameters_become_flags(name, message, shown):
-    assert with_flags(message, command_of(name)) == shown
+    assert with_flags(message, command.get_command(click.Context(command), name)) == shown
 
 
 def test_a_file_keeps_its_name_and_an_option_error_knows_its_parameters(tmp_path, monkeypatch):

@@ -27,12 +27,8 @@ CLASSICAL = ("planar", "cylindrical", "spherical", "box", "projector", "parametr
 UNIT = 2e-7
 
 
-def lengths(vectors):
-    return np.linalg.norm(np.asarray(vectors, np.float64), axis=-1)
-
-
 def assert_unit(vectors, *, or_zero=False):
-    found = lengths(vectors)
+    found = np.linalg.norm(np.asarray(vectors, np.float64), axis=-1)
     off = np.abs(found - 1.0) > UNIT
     assert not (off & ~(or_zero & (found == 0.0))).any()
 

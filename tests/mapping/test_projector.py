@@ -20,16 +20,12 @@ def cast(mesh, **options):
     return projector(mesh, UnwrapOptions(method="projector", **options))
 
 
-def lopsided():
-    return moved(icosphere(3), scale=(1.0, 2.0, 0.5), by=(3.0, -2.0, 7.0))
-
-
 @pytest.mark.parametrize(
     ("camera", "fov"),
     [((0.0, 0.0), 35.0), ((30.0, 20.0), 50.0), ((-200.0, 90.0), 20.0), ((70.0, -30.0, 9.0), 80.0)],
 )
 def test_the_camera_stands_where_that_of_a_preview_does(camera, fov):
-    mesh = lopsided()
+    mesh = moved(icosphere(3), scale=(1.0, 2.0, 0.5), by=(3.0, -2.0, 7.0))
     options = RenderOptions(view=camera, fov=fov, width=100, height=100)
     clip = Camera.framing(mesh, options=options).clip_from_world(1.0)
     points = np.column_stack([mesh.positions, np.ones(mesh.n_vertices)])

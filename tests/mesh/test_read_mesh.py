@@ -33,13 +33,9 @@ def error_of(path):
 
 
 @every_suffix
-def test_missing_file(tmp_path, suffix):
+def test_missing_file_and_folder(tmp_path, suffix):
     error = error_of(tmp_path / f"none{suffix}")
     assert not isinstance(error, FileFormatError) and "no such file" in str(error)
-
-
-@every_suffix
-def test_folder(tmp_path, suffix):
     (tmp_path / f"folder{suffix}").mkdir()
     assert "it is a folder" in str(error_of(tmp_path / f"folder{suffix}"))
     assert "it is a folder" in str(error_of(tmp_path))

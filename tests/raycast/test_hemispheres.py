@@ -15,27 +15,19 @@ def cells(nets, columns, rows):
 
 
 @pytest.mark.parametrize("n", COUNTS)
-def test_every_cell_of_every_grid_has_one_point(n):
+def test_every_cell_of_every_grid_has_one_point_and_directions_are_above_the_plane(n):
     nets = scrambled_nets(12, n)
     bits = n.bit_length() - 1
     for columns in range(bits + 1):
         found = np.sort(cells(nets, columns, bits - columns), axis=1)
         np.testing.assert_array_equal(found, np.broadcast_to(np.arange(n), found.shape))
-
-
-@pytest.mark.parametrize("n", COUNTS)
-def test_directions_are_unit_vectors_above_the_plane(n):
     sets = direction_sets(n)
     assert sets.shape == (65536 // n, n, 3)
     assert sets.dtype == np.float32
     assert (sets[..., 2] > 0).all()
     # float32 rounding of three coordinates
     np.testing.assert_allclose(np.linalg.norm(sets.astype(float), axis=-1), 1, atol=1e-7)
-
-
-@pytest.mark.parametrize("n", COUNTS)
-def test_directions_of_one_number_are_nearly_the_same_in_all_sets(n):
-    """Each number has its own nth of the disk. Boxes around them cover the disk about once."""
+    # Each number has its own nth of the disk. Boxes around them cover the disk about once.
     boxes = np.ptp(direction_sets(n)[..., :2], axis=0).prod(axis=-1)
     assert boxes.sum() < 1.5 * np.pi
 

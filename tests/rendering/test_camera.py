@@ -88,13 +88,9 @@ BOTH = pytest.mark.parametrize(
 
 
 @BOTH
-def test_vertices_that_no_face_uses_are_not_framed(frame):
+def test_unused_vertices_are_not_framed_and_a_mesh_too_large_is_an_error(frame):
     more = BALL.replace(positions=np.r_[BALL.positions, [[1e6, 0, 0]]])
     np.testing.assert_array_equal(frame(BALL).eye, frame(more).eye)
-
-
-@BOTH
-def test_a_mesh_too_large_to_measure_is_an_error(frame):
     with pytest.raises(MeshError, match=r"h\.obj: it is too large to render"):
         frame(stretched(1e300, 1e300, 1.0).replace(name="h.obj"))
 

@@ -98,10 +98,6 @@ def scene(gray, *, brightness=1.0, **material):
     )
 
 
-def codes(frame):
-    return quantize_srgb(frame.color[frame.coverage == 1.0][:, :3], 8)
-
-
 def test_darker_light_stays_as_it_is():
     dim = scene(0.5)
     before, after = render_scene(dim, PLAIN), render_scene(dim, AUTO)
@@ -160,4 +156,4 @@ def test_adaptive_pictures_are_exposed():
     white = scene(1.0, brightness=3.0)
     frame = render_scene(white, replace(AUTO, max_error=8 / 255))
     assert frame.exposure == pytest.approx(render_scene(white, AUTO).exposure, rel=0.02)
-    assert (codes(frame) < 255).all()
+    assert (quantize_srgb(frame.color[frame.coverage == 1.0][:, :3], 8) < 255).all()

@@ -19,14 +19,6 @@ def noise():
     return CubeMap(np.random.default_rng(5).random((6, 6, 6, 3)).astype(np.float32))
 
 
-@pytest.fixture
-def panorama(tmp_path):
-    """A smooth float panorama, 64 x 32, as an EXR of full precision."""
-    pixels = np.random.default_rng(1).random((32, 64, 3)).astype(np.float32) * 4
-    write_image(pixels, tmp_path / "sky.exr", color=True, bits=32)
-    return tmp_path / "sky.exr"
-
-
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_neighbors_in_the_cross_are_neighbors_on_the_cube(convention):
     size = 16

@@ -34,16 +34,12 @@ def noise():
 
 
 @pytest.mark.parametrize("face", range(6))
-def test_axes_are_those_of_opengls_table(face):
+def test_axes_are_those_of_opengls_table_and_show_a_camera_the_face_mirrored(face):
     middle, s, t = map(axis, TABLE[face].split())
     point = middle + 0.5 * s - 0.25 * t
     faces, st = locate_directions(3.0 * point)
     assert faces == face
     assert st.tolist() == [0.75, 0.375]
-
-
-@pytest.mark.parametrize("face", range(6))
-def test_a_camera_turned_by_the_axes_sees_the_face_mirrored(face):
     right, up, back = cube_face_axes(face)
     np.testing.assert_array_equal(np.cross(right, up), back)
     # What is at the right and top of its picture is at the left and top of the face.

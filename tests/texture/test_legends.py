@@ -26,17 +26,12 @@ LEGEND = ((0.0, 0.0, 0.5), (0.0, 0.5, 0.0), (1.0, 0.2, 0.0))
 
 
 @pytest.mark.parametrize("wrap", WRAPPED)
-def test_a_gradient_is_linear_between_its_marks(wrap):
+def test_gradients_and_distances_are_linear_between_their_marks(wrap):
     points = np.random.default_rng(1).uniform(-5, 5, (500, 3))
     parameters = {"direction": (3, 0, 4), "start": 0.5, "end": -1.5, "wrap": wrap}
     expected = WRAPPED[wrap]((0.5 - points @ (0.6, 0.0, 0.8)) / 2.0)
     found = evaluate("gradient", points, parameters=parameters)
     np.testing.assert_allclose(found[:, 0], expected, atol=1e-6)
-
-
-@pytest.mark.parametrize("wrap", WRAPPED)
-def test_a_distance_is_linear_between_its_marks(wrap):
-    points = np.random.default_rng(1).uniform(-5, 5, (500, 3))
     parameters = {"center": (1, 2, 3), "start": 1.0, "end": 2.5, "wrap": wrap}
     expected = WRAPPED[wrap]((np.linalg.norm(points - (1, 2, 3), axis=1) - 1.0) / 1.5)
     found = evaluate("radial", points, parameters=parameters)

@@ -24,11 +24,16 @@ def squared_distances(chart_ids):
 
 @given(chart_ids=charts(), padding=st.integers(0, 30))
 @settings(max_examples=200)
-def test_it_agrees_with_trying_all_owners(chart_ids, padding):
+def test_it_agrees_with_trying_all_owners_and_counts_what_two_charts_reach(chart_ids, padding):
     owners = nearest_owner(chart_ids, padding, threads=1)
     distances, rows, columns = squared_distances(chart_ids)
-    reached = (distances <= padding**2).any(axis=2)
+    near = distances <= padding**2
+    reached = near.any(axis=2)
     np.testing.assert_array_equal(owners.indices >= 0, reached)
+    n_charts = sum(
+        near[..., chart_ids[rows, columns] == i].any(axis=2).astype(int) for i in range(3)
+    )
+    assert owners.n_meeting == int(((n_charts >= 2) & (chart_ids < 0)).sum())
     if len(rows) == 0:
         return
     # Ties: the fewest columns between, then the left, then the upper.
@@ -36,18 +41,6 @@ def test_it_agrees_with_trying_all_owners(chart_ids, padding):
     rank = np.lexsort((np.broadcast_to(rows, across.shape), -across, abs(across), distances))
     nearest = (rows * chart_ids.shape[1] + columns)[rank[..., 0]]
     np.testing.assert_array_equal(owners.indices[reached], nearest[reached])
-
-
-@given(chart_ids=charts(), padding=st.integers(0, 30))
-@settings(max_examples=200)
-def test_it_counts_every_texel_that_two_charts_reach(chart_ids, padding):
-    distances, rows, columns = squared_distances(chart_ids)
-    near = distances <= padding**2
-    n_charts = sum(
-        near[..., chart_ids[rows, columns] == i].any(axis=2).astype(int) for i in range(3)
-    )
-    n_meeting = int(((n_charts >= 2) & (chart_ids < 0)).sum())
-    assert nearest_owner(chart_ids, padding, threads=1).n_meeting == n_meeting
 
 
 @given(chart_ids=charts(), value=st.floats(-(2.0**100), 2.0**100, width=32))

@@ -25,7 +25,7 @@ def test_they_are_those_of_the_options():
 
 
 @EACH
-def test_shapes_and_range(name):
+def test_shapes_and_range_and_values_at_odd_points_and_pixels(name):
     points = np.random.default_rng(0).uniform(-30, 30, (5000, 3))
     n_channels = 3 if name in ("marble", "wood", "granite") else 1
     assert PROCEDURES[name].n_channels == n_channels
@@ -36,10 +36,6 @@ def test_shapes_and_range(name):
             assert values.shape == (5000, 1 if scalar else n_channels)
             assert values.min() >= 0.0 and values.max() <= 1.0
     assert evaluate(name, np.empty((0, 3))).shape == (0, n_channels)
-
-
-@EACH
-def test_odd_points_and_pixels_have_values(name):
     points = np.array([[x, y, 0.3] for x in ODD for y in ODD])
     widths = np.array([w for w in ODD for _ in ODD])
     assert np.isfinite(evaluate(name, points, widths)).all()
@@ -73,15 +69,11 @@ def test_seeds_differ_and_repeat(name):
 
 
 @EACH
-def test_no_pixel_is_a_pixel_without_width(name):
+def test_no_pixel_is_a_pixel_without_width_and_points_have_any_order_of_memory(name):
     points = np.random.default_rng(0).uniform(-3, 3, (2000, 3))
     plain = evaluate(name, points)
     for widths in (np.zeros(2000), np.zeros((2000, 3)), np.full(2000, np.nan)):
         np.testing.assert_array_equal(evaluate(name, points, widths), plain)
-
-
-@EACH
-def test_points_in_any_order_of_memory(name):
     points = np.random.default_rng(0).uniform(-3, 3, (500, 3))
     expected = evaluate(name, points)
     np.testing.assert_array_equal(evaluate(name, np.asfortranarray(points)), expected)

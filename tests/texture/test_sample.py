@@ -103,7 +103,7 @@ def test_a_linear_ramp_is_reproduced(name):
 
 
 @pytest.mark.parametrize("wrap", WRAPS)
-def test_nearest_reads_the_texel_that_numpy_pads_with(wrap):
+def test_nearest_reads_as_numpy_pads_and_bilinear_as_in_single_precision(wrap):
     modes = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge", "border": "constant"}
     image = random_image(5, 7, 2)
     sides = ((40, 40), (40, 40), (0, 0))
@@ -113,10 +113,6 @@ def test_nearest_reads_the_texel_that_numpy_pads_with(wrap):
     columns, rows = np.floor(texel_coordinates(uvs, 7, 5)).astype(int).T
     found = sample(single_level(image), uvs, filter="nearest", wrap=wrap, border=0.75)
     np.testing.assert_array_equal(found, around[rows + 40, columns + 40])
-
-
-@pytest.mark.parametrize("wrap", WRAPS)
-def test_bilinear_is_the_lookup_in_single_precision(wrap):
     image, uvs = random_image(), random_points()
     expected = lookup(image, uvs, wrap=wrap, border=0.5)
     for chain in single_level(image), mip_chain(image):
