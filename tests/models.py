@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from skimage.measure import marching_cubes
 
-from texbake.mesh.files import read_mesh
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, read_mesh
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.topology import find_edges, genus
 

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from texbake.errors import TexbakeError, quoted, shortened
-from texbake.mesh.files import read_mesh
+from texbake import TexbakeError, read_mesh, read_scene
+from texbake.errors import quoted, shortened
 from texbake.mesh.files.contents import read_contents
 from texbake.mesh.materials import read_materials
-from texbake.rendering.scene.read import read_scene
 
 LONG = "A" * 3000
 MOST = 420  # characters of a message: two quotes, and what is said about them

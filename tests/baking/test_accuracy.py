@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake, remap, remap_hits
-from texbake.baking.options import BakeOptions
-from texbake.mapping.unwrap import unwrap
+from texbake import BakeOptions, bake, remap, unwrap
+from texbake.baking.bake import remap_hits
 from texbake.mesh.normals import shading_normals, smooth_normals
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.mesh.tangents import corner_tangents

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from texbake.baking.bake import bake, remap
+from texbake import BakeOptions, bake, remap
 from texbake.baking.maps import MAP_NAMES, MAPS
-from texbake.baking.options import BakeOptions
 from texbake.mesh.compose import transformed
 
 REACH = {"front": 0.1, "back": 0.1}

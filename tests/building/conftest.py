@@ -2,8 +2,7 @@
 
 import pytest
 
-from texbake.building.build import build
-from texbake.building.options import BuildOptions
+from texbake import BuildOptions, build
 from texbake.building.resolve import ENDED
 from texbake.building.schedule import BuildEvent
 from texbake.building.task import run_task

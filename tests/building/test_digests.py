@@ -10,11 +10,10 @@ import pytest
 import texbake
 from tests.fbx_writer import binary, rich_scene
 from tests.glb import glb_bytes, read_glb
-from texbake.building.build import build
+from texbake import build, write_mesh
 from texbake.building.digests import Digests, file_digest, is_followed, sidecars
 from texbake.building.locations import file_signature
 from texbake.limits import raised_limits
-from texbake.mesh.files import write_mesh
 from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import uv_sphere
 

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from texbake import FileError, OptionError
+from texbake import BuildOptions, FileError, OptionError
 from texbake.building.build import plan_build
 from texbake.building.file import read_pipeline
-from texbake.building.options import BuildOptions
 from texbake.errors import FileFormatError
 from texbake.limits import ALLOW_OUTSIDE
 

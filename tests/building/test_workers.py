@@ -12,11 +12,10 @@ from dataclasses import replace
 
 import pytest
 
+from texbake import BuildOptions, build
 from texbake.baking.memory import PROCESS, TREE_FACE
 from texbake.building import resolve
-from texbake.building.build import build
 from texbake.building.digests import checksum
-from texbake.building.options import BuildOptions
 from texbake.building.resolve import size_by_length, size_of
 from texbake.building.schedule import EtaEstimator
 from texbake.building.steps import STEP_KINDS

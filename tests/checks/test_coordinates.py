@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake import CheckOptions, Mesh
 from texbake.checks.checked_mesh import CheckedMesh
 from texbake.checks.coordinates import chart_widths, close_charts
-from texbake.checks.kinds import CheckOptions
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 from texbake.texture.padding import nearest_owner
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.files import read_mesh, write_mesh
+from texbake import read_mesh, write_image, write_mesh
 from texbake.mesh.shapes import uv_sphere
-from texbake.texture.image import write_image
 from texbake.texture.image_files import write_normals
 
 

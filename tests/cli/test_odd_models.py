@@ -8,8 +8,7 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from tests.fbx_writer import binary, scene
-from texbake import write_mesh
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, write_mesh
 from texbake.mesh.shapes import uv_sphere
 
 COMMANDS = {

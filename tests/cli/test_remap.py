@@ -7,9 +7,8 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.main import texbake
 
-from texbake.mesh.files import write_mesh
+from texbake import read_image, write_image, write_mesh
 from texbake.mesh.shapes import icosphere, uv_sphere
-from texbake.texture.image import read_image, write_image
 
 
 def run(*words):

@@ -6,8 +6,7 @@ import pytest
 from click.testing import CliRunner
 from texbake_cli.measurements import bench, study
 
-from texbake.errors import OptionError
-from texbake.mesh.files import write_mesh
+from texbake import OptionError, write_mesh
 from texbake.mesh.shapes import plane
 from texbake.study.options import CASE_NAMES, KNOB_NAMES, PROGRAM_NAMES, TASK_NAMES
 

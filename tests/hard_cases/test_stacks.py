@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import texbake
+from texbake import Mesh, RemeshOptions
 from texbake.baking import texels
 from texbake.core import core
 from texbake.errors import MeshError
@@ -11,8 +12,6 @@ from texbake.mapping.overlap import find_overlaps
 from texbake.mesh import distance, piecewise, remesh as remesh_module
 from texbake.mesh.decimate import weld_corners
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
-from texbake.mesh.options import RemeshOptions
 from texbake.mesh.remesh import remesh_with_report
 from texbake.mesh.remeshing import band
 from texbake.mesh.remeshing.parts import winding_numbers

@@ -92,14 +92,12 @@ CHANGED = {
 }
 
 
-@pytest.mark.parametrize("change", CHANGED.values(), ids=CHANGED)
-def test_arrays_of_any_kind_give_the_same_model(change, plain, ball, tmp_path):
-    vertices, faces = ball
-    rounded = vertices.astype(np.float32).astype(np.float64)
-    done = finish(*change(rounded, faces), **SMALL)
-    expected = finish(rounded, faces, **SMALL)
-    files = [model.write(tmp_path / "a.glb").read_bytes() for model in (done, expected)]
-    assert files[0] == files[1]
+def test_arrays_of_any_kind_give_the_same_model(ball, tmp_path):
+    rounded, faces = ball[0].astype(np.float32).astype(np.float64), ball[1]
+    expected = finish(rounded, faces, **SMALL).write(tmp_path / "a.glb").read_bytes()
+    for name, change in CHANGED.items():
+        done = finish(*change(rounded, faces), **SMALL)
+        assert done.write(tmp_path / "a.glb").read_bytes() == expected, name
 
 
 def test_float16_and_read_only_arrays_are_taken_and_kept(ball):

@@ -6,10 +6,9 @@ import pytest
 
 import texbake
 from tests.models import bone, handles, model, real, sponge
-from texbake.errors import MeshError, OptionError
+from texbake import OptionError, RunOptions, surface_distance
+from texbake.errors import MeshError
 from texbake.jobs.low_poly import LowPolyMaker
-from texbake.jobs.options import RunOptions
-from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.topology import find_edges
 from texbake.verbs.simplify import simplify_file

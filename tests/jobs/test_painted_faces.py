@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 
 import texbake as tb
-from texbake.errors import FileFormatError, OptionError, UvError
+from texbake import OptionError, UnwrapOptions, write_image
+from texbake.errors import FileFormatError, UvError
 from texbake.jobs.painted_faces import importance_at, protected_at
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import seam_edges
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.mesh.topology import opposite_half_edges
-from texbake.texture.image import write_image
 from texbake.verbs.unwrap import unwrap_files
 
 

@@ -5,9 +5,8 @@ import pytest
 
 import texbake
 from tests.glb import glb_bytes, read_glb
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, read_image
 from texbake.mesh.shapes import cube, uv_sphere
-from texbake.texture.image import read_image
 from texbake.verbs.preview import preview_files
 
 SMALL = {"width": 96, "height": 64}

@@ -1,14 +1,13 @@
 import numpy as np
 import pytest
 
-from texbake import unwrap
+from texbake import Mesh, unwrap
 from texbake.errors import UvError
 from texbake.mapping.atlas.charts import existing_charts
 from texbake.mapping.corner_uvs import signed_areas, with_coordinates
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_with_report
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 
 from tests.models import BROKEN, model, of_cells, real
+from texbake import Mesh, distortion
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.atlas.cutting import xatlas_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts as cut_surface, surface_of
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
 
 

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from texbake import Mesh, UnwrapOptions
 from texbake.mapping.classical.cylindrical import center_about_axis, cylindrical, spherical
 from texbake.mapping.classical.frames import center_of, frame_about
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import icosphere, plane
 

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake import Mesh, distortion
 from texbake.errors import UvError
-from texbake.mapping.distortion import distortion
 from texbake.mapping.stretch import face_stretch, stretch_by_group
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, plane
 
 

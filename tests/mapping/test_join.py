@@ -5,15 +5,14 @@ import math
 import numpy as np
 import pytest
 
+from texbake import Mesh, distortion
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.flatten import flatten
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.distortion import distortion
 from texbake.mapping.overlap import find_overlaps
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 

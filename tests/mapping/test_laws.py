@@ -9,14 +9,13 @@ from hypothesis import given, settings, strategies as st
 
 from tests.artist_models import write_model
 from tests.models import model, real, soup_of
+from texbake import Mesh, UnwrapOptions, read_mesh, unwrap
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mapping.options import METHODS, UnwrapOptions
+from texbake.mapping.options import METHODS
 from texbake.mapping.options.projection import SURFACES, VIAS
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import chart_ids
-from texbake.mapping.unwrap import _mapped_classically, unwrap, unwrap_with_report
-from texbake.mesh.files import read_mesh
-from texbake.mesh.mesh import Mesh
+from texbake.mapping.unwrap import _mapped_classically, unwrap_with_report
 from texbake.mesh.polygons import outlines
 from texbake.mesh.shapes import grid_sphere, icosphere, orange
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError, UvError
+from texbake import Mesh, OptionError, UnwrapOptions
+from texbake.errors import UvError
 from texbake.mapping.classical.planar import parametric, planar
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
-from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 

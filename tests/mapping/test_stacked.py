@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
+from texbake import Mesh, OptionError
 from texbake.mapping.stacked import StackedIslands
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import plane
 
 # An island that no mirroring or turn takes to itself.

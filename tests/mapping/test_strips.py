@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from texbake.baking.atlas_points import atlas_points
+from texbake import Mesh, atlas_points, unwrap
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mapping.unwrap import unwrap, unwrap_with_report
+from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere
 
 N_CABLES, N_SIDES = 12, 6

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
+from texbake import Mesh, UnwrapOptions
 from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.cylindrical import cylindrical, spherical
 from texbake.mapping.classical.frames import LocalPoints
@@ -15,8 +16,6 @@ from texbake.mapping.classical.intermediate import (
 )
 from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.two_part import two_part
-from texbake.mapping.options import UnwrapOptions
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane
 
 EYE = (0.7, 1.1, 5.0)

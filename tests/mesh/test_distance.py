@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from tests.models import moved
+from texbake import Mesh, OptionError, surface_distance
 from texbake.core import core
-from texbake.errors import OptionError
-from texbake.mesh.distance import rms_distance, sample_surface, surface_distance
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.distance import rms_distance, sample_surface
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.triangle_tree import TriangleTree
 

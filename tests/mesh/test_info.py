@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from tests.models import model, real
-from texbake.mesh.info import mesh_info
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, mesh_info
 from texbake.mesh.shapes import cube, plane
 
 CUBE = (cube().positions + 0.5) * [2.0, 3.0, 4.0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models import CASES, moved, soup_of
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, make
 from texbake.mesh.normals import (
     face_normals,
     flat_normals,
@@ -16,7 +16,6 @@ from texbake.mesh.normals import (
     vertex_normals,
     with_visible_normals,
 )
-from texbake.mesh.parametric.make import make
 from texbake.mesh.shapes import icosphere, plane, uv_sphere
 
 # A unit normal is a few roundings of 2^-53 off; a sum of some tens of weighted ones, some tens.

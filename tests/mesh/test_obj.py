@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, read_mesh, write_mesh
 from texbake.mesh.shapes import icosphere
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

@@ -3,8 +3,7 @@ import struct
 import numpy as np
 import pytest
 
-from texbake.mesh.files import write_mesh
-from texbake.mesh.mesh import Mesh
+from texbake import Mesh, write_mesh
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)]
 CODES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"}

@@ -6,9 +6,8 @@ from hypothesis import given, settings, strategies as st
 from hypothesis.extra import numpy as hnp
 
 from tests.models import model
-from texbake.errors import FileError, FileFormatError, OptionError
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
+from texbake import FileError, Mesh, OptionError, read_mesh, write_mesh
+from texbake.errors import FileFormatError
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".fbx")
 OWN_SUFFIXES = SUFFIXES[:4]

@@ -6,9 +6,8 @@ import struct
 import numpy as np
 import pytest
 
-from texbake.errors import FileError, FileFormatError, MeshError
-from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.mesh import Mesh
+from texbake import FileError, Mesh, read_mesh, write_mesh
+from texbake.errors import FileFormatError, MeshError
 from texbake.mesh.normals import shading_normals, smooth_normals
 from texbake.mesh.shapes import icosphere, uv_sphere
 from texbake.mesh.streamed import source

@@ -6,11 +6,10 @@ from skimage.filters import gaussian
 from skimage.measure import euler_number, label
 
 from tests.models import handles, level_surface
+from texbake import Mesh, make, surface_distance
 from texbake.core import core
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.distance import face_areas, surface_distance
-from texbake.mesh.mesh import Mesh
-from texbake.mesh.parametric.make import make
+from texbake.mesh.distance import face_areas
 from texbake.mesh.shapes import cube, icosphere, plane
 from texbake.mesh.topology import face_components, find_edges
 from texbake.mesh.wrapping import reason_to_wrap, wraps

@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, bake
 from texbake.mesh.shapes import grid_sphere, uv_sphere
 from texbake.pages.asset_page import write_bake_page
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.unwrap import unwrap
-from texbake.mesh.files import write_mesh
+from texbake import unwrap, write_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.pages.layout_page import write_layout_page
 from texbake.verbs.unwrap import unwrap_files

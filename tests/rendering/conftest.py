@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 from random_scenes import write_images
 
-from texbake.mesh.mesh import Mesh
+from texbake import Lighting, Mesh, RenderOptions, Scene, SceneObject
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Lighting
-from texbake.rendering.scene.scene import Scene, SceneObject
 
 SIZE = 5.0  # half the side of the wall
 

@@ -3,12 +3,11 @@ import math
 import numpy as np
 import pytest
 
+from texbake import Mesh, RenderOptions
 from texbake.errors import MeshError
 from texbake.mesh.compose import transformed
-from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.rendering.camera import Camera, fill_picture
-from texbake.rendering.options import RenderOptions
 
 
 def ndc(camera, points, aspect):

@@ -1,7 +1,6 @@
 import pytest
 
-from texbake.errors import OptionError
-from texbake.rendering.options import RenderOptions
+from texbake import OptionError, RenderOptions
 
 
 def test_the_defaults_are_valid_and_distance_is_to_be_found():

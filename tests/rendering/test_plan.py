@@ -7,29 +7,29 @@ import numpy as np
 import pytest
 
 import texbake.rendering.draw as drawing
-from texbake.mapping.options import UnwrapOptions
+from texbake import (
+    Ambient,
+    ImageTexture,
+    Light,
+    Lighting,
+    Material,
+    RenderOptions,
+    Scene,
+    SceneObject,
+    UnwrapOptions,
+)
 from texbake.mesh.mesh import UvSet
 from texbake.mesh.shapes import plane
 from texbake.rendering.camera import Camera
 from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effect import Activation, Effect, Rejection
 from texbake.rendering.effects import EFFECTS
-from texbake.rendering.options import RenderOptions
 from texbake.rendering.plan import compile_plan
 from texbake.rendering.request import RenderRequest
-from texbake.rendering.scene.lights import (
-    Ambient,
-    AmbientOcclusion,
-    Environment,
-    Fog,
-    Light,
-    Lighting,
-    Shadow,
-)
+from texbake.rendering.scene.lights import AmbientOcclusion, Environment, Fog, Shadow
 from texbake.rendering.scene.material import (
     BumpMap,
     Displacement,
-    Material,
     NormalMap,
     Parallax,
     Reflection,
@@ -37,8 +37,7 @@ from texbake.rendering.scene.material import (
     Transmission,
 )
 from texbake.rendering.scene.projected import ProjectedTexture
-from texbake.rendering.scene.scene import Scene, SceneObject
-from texbake.rendering.scene.textures import ImageTexture, ProcedureTexture
+from texbake.rendering.scene.textures import ProcedureTexture
 
 SMALL = RenderOptions(width=24, height=16, supersampling=2, view=(20.0, 25.0))
 SUN = Light(name="sun", direction=(-0.3, -0.6, -1.0))

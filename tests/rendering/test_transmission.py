@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from texbake import ImageTexture, Light, Lighting, Material, Scene, SceneObject
 from texbake.rendering.draw import draw, prepare
-from texbake.rendering.scene.lights import Light, Lighting
-from texbake.rendering.scene.material import Material, Transmission
-from texbake.rendering.scene.scene import Scene, SceneObject, transform_matrix
-from texbake.rendering.scene.textures import ImageTexture
+from texbake.rendering.scene.material import Transmission
+from texbake.rendering.scene.scene import transform_matrix
 
 DEPTH = 3.0  # of the wall behind the sheet
 CLEAR = Material(base_color=(1.0, 1.0, 1.0), roughness=0.0, ior=1.0, transmission=Transmission())

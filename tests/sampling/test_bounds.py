@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from texbake.errors import OptionError
-from texbake.rendering.options import RenderOptions
+from texbake import OptionError, RenderOptions
 from texbake.sampling.bounds import (
     BOUNDED_CODINGS,
     ErrorBounds,

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from texbake.errors import OptionError
-from texbake.texture.checker import checker_image
+from texbake import OptionError, checker_image
 from texbake.texture.lookup import lookup
 
 

@@ -5,8 +5,7 @@ import time
 import pytest
 
 from tests.chosen_bounds import chosen_bounds
-from texbake.baking.bake import bake
-from texbake.baking.options import BakeOptions
+from texbake import BakeOptions, bake
 from texbake.mesh.shapes import plane
 from texbake.sampling.rounds import BudgetClock, Rounds
 

@@ -5,20 +5,19 @@ import dataclasses
 import numpy as np
 import pytest
 
-from texbake import write_image
+from texbake import FileError, OptionError, RenderOptions, write_image
 from texbake.baking.rays import RayField
 from texbake.baking.texture.canvas import TextureCanvas
 from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos, read_camera
 from texbake.core import core
-from texbake.errors import FileError, FileFormatError, OptionError, UvError
+from texbake.errors import FileFormatError, UvError
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.raycast.rays import Rays
 from texbake.raycast.scene import RayScene
 from texbake.rendering.camera import Camera
-from texbake.rendering.options import RenderOptions
 
 Array = np.ndarray
 

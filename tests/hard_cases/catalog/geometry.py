@@ -3,8 +3,7 @@
 import numpy as np
 from catalog.case import Case
 
-from texbake import Mesh
-from texbake.mesh.parametric.make import make
+from texbake import Mesh, make
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane, uv_sphere
 
 CLOSED = frozenset({"closed"})

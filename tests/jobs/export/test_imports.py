@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdShade
 
-from texbake import OptionError, RunOptions, run
+from texbake import OptionError, RunOptions, run, write_image
 from texbake.jobs.export.export import export_asset
 from texbake.jobs.export.imports import write_imports
 from texbake.jobs.export.programs import ExportedMap, ExportOptions
 from texbake.mesh.files.openpbr import materialx_document, openpbr_nodes
 from texbake.mesh.shapes import uv_sphere
 from texbake.targets import PROGRAMS
-from texbake.texture.image import write_image
 from texbake.texture.image_files import write_heights, write_normals
 
 KINDS = ("ao", "roughness", "metalness", "opacity")

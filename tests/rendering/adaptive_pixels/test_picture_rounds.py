@@ -7,10 +7,9 @@ import pytest
 
 from tests.chosen_bounds import chosen_bounds
 from tests.rendering.adaptive_pixels.test_sampler import a_scene
+from texbake import RenderOptions, render, render_scene
 from texbake.mesh.shapes import icosphere
 from texbake.rendering.adaptive_pixels import samples
-from texbake.rendering.options import RenderOptions
-from texbake.rendering.render import render, render_scene
 from texbake.sampling.rounds import BudgetClock
 
 OPTIONS = RenderOptions(width=64, height=48)
