@@ -86,9 +86,7 @@ def test_permissions_and_links_stay(tmp_path):
     assert target.stat().st_mode & 0o777 == 0o600
 
 
-@pytest.mark.parametrize(
-    ("name", "why"), [("", "it is a folder"), ("no/a.png", "there is no folder")]
-)
+@pytest.mark.parametrize("name, why", [("", "it is a folder"), ("no/a.png", "there is no folder")])
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, name, why):
     for look in (check_writable, lambda path: replacing(path).__enter__()):
         with pytest.raises(FileError, match=why):

@@ -109,13 +109,10 @@ def test_an_image_may_be_large_if_the_user_says_so(tmp_path, monkeypatch):
     assert CliRunner().invoke(command, ["--max-image", "8", *line]).exit_code == 0
 
 
-@pytest.mark.parametrize(
-    ("place", "within"),
-    [
-        ("a/b.png", True), ("a/../b.png", True), ("./b.png", True), ("../a/b.png", True),
-        ("../b.png", False), ("/etc/passwd", False), ("a/../../b.png", False),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("place", "within"), [
+    ("a/b.png", True), ("a/../b.png", True), ("./b.png", True), ("../a/b.png", True),
+    ("../b.png", False), ("/etc/passwd", False), ("a/../../b.png", False),
+])  # fmt: skip
 def test_files_beside_another(tmp_path, monkeypatch, place, within):
     monkeypatch.delenv(ALLOW_OUTSIDE, raising=False)
     folder = tmp_path / "a"
@@ -294,13 +291,10 @@ def test_any_number_of_options_may_stand_before_the_name_of_a_map():
     assert map_name("-clamp on " * 100 + "a.png") == ("a.png", "clamp")
 
 
-@pytest.mark.parametrize(
-    ("word", "seconds"),
-    [
-        ("20s", 20.0), ("500ms", 0.5), ("2min", 120.0), ("1h", 3600.0), (3, 3.0), (" 1.5 ", 1.5),
-        (" 3 s", 3.0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("word", "seconds"), [
+    ("20s", 20.0), ("500ms", 0.5), ("2min", 120.0), ("1h", 3600.0), (3, 3.0), (" 1.5 ", 1.5),
+    (" 3 s", 3.0),
+])  # fmt: skip
 def test_units_of_durations(word, seconds):
     assert parse_seconds(word) == seconds
 

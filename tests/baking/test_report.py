@@ -49,31 +49,28 @@ def test_a_bake_without_faults_warns_of_nothing():
     ]
 
 
-@pytest.mark.parametrize(
-    ("changes", "row"),
-    [
-        ({"front": None, "cage": "c.obj", "measured": False},
-         ("distances", "front from the cage, back 0.125")),
-        ({"counts": TraceCounts(faces_limited=3)},
-         ("distances", "front 0.25, back 0.125 (the most allowed, on 3 triangles)")),
-        ({"median_reach": (0.5, 0.25)}, ("at each vertex", "median front 0.5, back 0.25")),
-        ({"n_objects": 3}, ("objects", "3, each baked from the one with the matching name")),
-        ({"texels_missed": 15}, ("texels missed", "15 (1.000 %)")),
-        ({"counts": TraceCounts(rays_lengthened=1234)},
-         ("longer rays", "1,234, where those of the vertices missed")),
-        ({"counts": TraceCounts(rays_to_closest=7), "options": BakeOptions(on_miss="closest")},
-         ("closest points", "7 for rays that missed")),
-        ({"counts": TraceCounts(secondary_rays=4096)}, ("secondary rays", "4,096")),
-        ({"counts": TraceCounts(secondary_rays=64), "options": BakeOptions(maps=("ao", "normal"))},
-         ("secondary rays", "64; ao denoised")),
-        ({"counts": TraceCounts(secondary_rays=64),
-          "options": BakeOptions(maps=("ao",), denoise=False)}, ("secondary rays", "64")),
-        ({"texels_overlapping": 2.4, "counts": TraceCounts(faces_outside_tile=1)},
-         ("overlap, outside", "2 texels, 1 triangle")),
-        ({"distance_percentiles": {}}, ("surface distance", "least 0, median 0, greatest 0")),
-        ({"options": BakeOptions(size=8)}, ("size", "8 x 8, 1 sample per texel")),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("changes", "row"), [
+    ({"front": None, "cage": "c.obj", "measured": False},
+     ("distances", "front from the cage, back 0.125")),
+    ({"counts": TraceCounts(faces_limited=3)},
+     ("distances", "front 0.25, back 0.125 (the most allowed, on 3 triangles)")),
+    ({"median_reach": (0.5, 0.25)}, ("at each vertex", "median front 0.5, back 0.25")),
+    ({"n_objects": 3}, ("objects", "3, each baked from the one with the matching name")),
+    ({"texels_missed": 15}, ("texels missed", "15 (1.000 %)")),
+    ({"counts": TraceCounts(rays_lengthened=1234)},
+     ("longer rays", "1,234, where those of the vertices missed")),
+    ({"counts": TraceCounts(rays_to_closest=7), "options": BakeOptions(on_miss="closest")},
+     ("closest points", "7 for rays that missed")),
+    ({"counts": TraceCounts(secondary_rays=4096)}, ("secondary rays", "4,096")),
+    ({"counts": TraceCounts(secondary_rays=64), "options": BakeOptions(maps=("ao", "normal"))},
+     ("secondary rays", "64; ao denoised")),
+    ({"counts": TraceCounts(secondary_rays=64),
+      "options": BakeOptions(maps=("ao",), denoise=False)}, ("secondary rays", "64")),
+    ({"texels_overlapping": 2.4, "counts": TraceCounts(faces_outside_tile=1)},
+     ("overlap, outside", "2 texels, 1 triangle")),
+    ({"distance_percentiles": {}}, ("surface distance", "least 0, median 0, greatest 0")),
+    ({"options": BakeOptions(size=8)}, ("size", "8 x 8, 1 sample per texel")),
+])  # fmt: skip
 def test_a_figure_changes_its_row_and_no_other(changes, row):
     table = replace(PLAIN, **changes).table()
     before = dict(PLAIN.table())

@@ -138,13 +138,10 @@ def test_write_takes_from_the_options_what_is_not_given(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-@pytest.mark.parametrize(
-    ("name", "bits", "error"),
-    [
-        ("n.tga", 16, OptionError), ("n.png", 32, OptionError), ("n.gif", None, FileFormatError),
-        ("n.jpg", 8, OptionError), ("n", None, FileFormatError), ("missing/n.png", None, FileError),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "bits", "error"), [
+    ("n.tga", 16, OptionError), ("n.png", 32, OptionError), ("n.gif", None, FileFormatError),
+    ("n.jpg", 8, OptionError), ("n", None, FileFormatError), ("missing/n.png", None, FileError),
+])  # fmt: skip
 def test_a_map_that_a_format_cannot_hold_is_one_clear_error(every, tmp_path, name, bits, error):
     with pytest.raises(error) as raised:
         every["normal"].write(tmp_path / name, bits=bits)

@@ -81,15 +81,12 @@ def file(**changes):
     return json.dumps({"outputs": {"mesh": {"file": "m.ply", "files": files}}})
 
 
-@pytest.mark.parametrize(
-    "content",
-    [
-        "[" * 100_000, '{"checksum": "0", "\\ud800": 1}', '{"key": null}', '{"outputs": null}',
-        '{"outputs": []}', '{"outputs": {}}', '{"outputs": {"mesh": {}}}',
-        '{"outputs": {"mesh": {"file": 3, "files": []}}}', file(path=3), file(path="a\0b"),
-        file(path=None), file(sha256=None), file(sha256=3), file(size="large"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("content", [
+    "[" * 100_000, '{"checksum": "0", "\\ud800": 1}', '{"key": null}', '{"outputs": null}',
+    '{"outputs": []}', '{"outputs": {}}', '{"outputs": {"mesh": {}}}',
+    '{"outputs": {"mesh": {"file": 3, "files": []}}}', file(path=3), file(path="a\0b"),
+    file(path=None), file(sha256=None), file(sha256=3), file(size="large"),
+])  # fmt: skip
 def test_a_manifest_of_another_shape_is_damage(built, run, content):
     with suppress(RecursionError, ValueError):
         changes = json.loads(content)

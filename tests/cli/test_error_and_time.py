@@ -83,14 +83,11 @@ run()
 """
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        f"{NORMALS} -o n.png",
-        "simplify high.obj -o s.ply --faces 99",
-        "preview cube.obj -o p.png --size 64",
-    ],
-)
+@pytest.mark.parametrize("line", [
+    f"{NORMALS} -o n.png",
+    "simplify high.obj -o s.ply --faces 99",
+    "preview cube.obj -o p.png --size 64",
+])  # fmt: skip
 def test_stages_add_up_to_the_life_of_the_process(line):
     process = subprocess.run(
         [sys.executable, "-P", "-c", WITH_AGE, *line.split(), "--verbose"],

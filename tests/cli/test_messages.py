@@ -16,16 +16,13 @@ from texbake import OptionError
 from texbake.mesh.shapes import icosphere
 
 
-@pytest.mark.parametrize(
-    ("text", "printed"),
-    [
-        ("plain, äöü 漢字 and two\nlines", "plain, äöü 漢字 and two\nlines"),
-        ("\x1b]0;title\x07", r"\x1b]0;title\x07"),
-        ("a\rb\tc\x7f\x9b", r"a\x0db\x09c\x7f\x9b"),
-        ("\u202egnp.exe", r"\u202egnp.exe"),
-        (os.fsdecode(b"\xff.obj"), r"\xff.obj"),
-    ],
-)
+@pytest.mark.parametrize(("text", "printed"), [
+    ("plain, äöü 漢字 and two\nlines", "plain, äöü 漢字 and two\nlines"),
+    ("\x1b]0;title\x07", r"\x1b]0;title\x07"),
+    ("a\rb\tc\x7f\x9b", r"a\x0db\x09c\x7f\x9b"),
+    ("\u202egnp.exe", r"\u202egnp.exe"),
+    (os.fsdecode(b"\xff.obj"), r"\xff.obj"),
+])  # fmt: skip
 def test_control_characters_become_escapes(text, printed):
     assert printable(text) == printed
 

@@ -56,14 +56,11 @@ COMMANDS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("command", "uri"),
-    [
-        *((command, "gone.png") for command in COMMANDS),
-        ("convert", "../gone.png"),
-        ("convert", "http://example.org/gone.png"),
-    ],
-)
+@pytest.mark.parametrize(("command", "uri"), [
+    *((command, "gone.png") for command in COMMANDS),
+    ("convert", "../gone.png"),
+    ("convert", "http://example.org/gone.png"),
+])  # fmt: skip
 def test_a_missing_image_is_one_warning_and_neutral(tmp_path, monkeypatch, command, uri):
     monkeypatch.chdir(tmp_path)
     model(tmp_path, uri)
@@ -100,14 +97,11 @@ PLACES = ("beside", "inside", "OBJ")
 
 
 # All kinds of damage in all places, and each command with each of both.
-@pytest.mark.parametrize(
-    ("kind", "command", "place"),
-    [
-        (kind, command, PLACES[(i + j) % 3])
-        for i, kind in enumerate(DAMAGED)
-        for j, command in enumerate(["convert", "preview", "lighten", "bake"])
-    ],
-)
+@pytest.mark.parametrize(("kind", "command", "place"), [
+    (kind, command, PLACES[(i + j) % 3])
+    for i, kind in enumerate(DAMAGED)
+    for j, command in enumerate(["convert", "preview", "lighten", "bake"])
+])  # fmt: skip
 def test_a_damaged_image_is_treated_as_missing(tmp_path, monkeypatch, command, kind, place):
     monkeypatch.chdir(tmp_path)
     data = DAMAGED[kind]

@@ -97,14 +97,11 @@ REFUSED = {
 
 
 # Every model with one command, and every command with all kinds of files.
-@pytest.mark.parametrize(
-    ("name", "command"),
-    [
-        (name, list(COMMANDS)[(i + shift) % len(COMMANDS)])
-        for i, name in enumerate(REFUSED)
-        for shift in (0, 3)
-    ],
-)
+@pytest.mark.parametrize(("name", "command"), [
+    (name, list(COMMANDS)[(i + shift) % len(COMMANDS)])
+    for i, name in enumerate(REFUSED)
+    for shift in (0, 3)
+])  # fmt: skip
 def test_models_that_are_refused(answer, tmp_path, command, name):
     make, reason = REFUSED[name]
     make(tmp_path / name)

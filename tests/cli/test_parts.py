@@ -76,14 +76,11 @@ HEIGHTS = "--maps displacement --format exr"
 
 
 # Parts are matched by the names of groups or of files; more meshes share an atlas.
-@pytest.mark.parametrize(
-    "line",
-    [
-        "high.obj low.obj --match-by-name",
-        "high low --match-by-name",
-        "low/arm_low.obj --low low/LEG_low.obj --high high",
-    ],
-)
+@pytest.mark.parametrize("line", [
+    "high.obj low.obj --match-by-name",
+    "high low --match-by-name",
+    "low/arm_low.obj --low low/LEG_low.obj --high high",
+])  # fmt: skip
 def test_parts_are_baked_from_their_matches(run, tmp_path, line):
     run(f"{line} {HEIGHTS}")
     found = heights(tmp_path / "maps" / "displacement.exr")

@@ -112,13 +112,10 @@ def names_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "unwrap low.obj -o there.glb --layout there.png",
-        "bake-texture low.obj -o there.tif --procedure noise",
-    ],
-)
+@pytest.mark.parametrize("line", [
+    "unwrap low.obj -o there.glb --layout there.png",
+    "bake-texture low.obj -o there.tif --procedure noise",
+])  # fmt: skip
 def test_a_full_disk_loses_nothing(workplace, run, line):
     def fill_the_disk():
         # A file may not grow past 4 KiB, as on a full disk.

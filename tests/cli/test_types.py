@@ -14,29 +14,26 @@ def completions(kind, start):
     return [(item.value, item.type) for item in kind.shell_complete(CONTEXT, PARAM, start)]
 
 
-@pytest.mark.parametrize(
-    ("kind", "text", "value"),
-    [
-        (Size(), "1024", 1024),
-        (Size(), "1024x512", (1024, 512)),
-        (Size(), "64X32", (64, 32)),
-        (ViewParam(), "30,20", (30.0, 20.0)),
-        (ViewParam(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
-        (ViewParam(), "turntable:36", 36),
-        # Python's numbers have the digits of any script; those of file formats do not.
-        (ViewParam(), "turntable:٣٦", 36),
-        (ViewParam(), "٣٠,２０", (30.0, 20.0)),
-        (Size(), "１０２４x512", (1024, 512)),
-        (Numbers("X,Y,Z", ("x", "y")), "y", "y"),
-        (Numbers("X,Y,Z", ("x", "y")), "0, -1,2e-3", (0.0, -1.0, 0.002)),
-        (Numbers("S[,T]"), "2", 2.0),
-        (Numbers("S[,T]"), "2,-3", (2.0, -3.0)),
-        (NameAndStrength(["twirl"]), "twirl", "twirl"),
-        (NameAndStrength(["twirl"]), "twirl:-90", ("twirl", -90.0)),
-        (Names(["normal", "height"]), "normal", ("normal",)),
-        (Names(["normal", "height"]), "height, normal,height", ("height", "normal")),
-    ],
-)
+@pytest.mark.parametrize(("kind", "text", "value"), [
+    (Size(), "1024", 1024),
+    (Size(), "1024x512", (1024, 512)),
+    (Size(), "64X32", (64, 32)),
+    (ViewParam(), "30,20", (30.0, 20.0)),
+    (ViewParam(), "-30.5,90,2.5", (-30.5, 90.0, 2.5)),
+    (ViewParam(), "turntable:36", 36),
+    # Python's numbers have the digits of any script; those of file formats do not.
+    (ViewParam(), "turntable:٣٦", 36),
+    (ViewParam(), "٣٠,２０", (30.0, 20.0)),
+    (Size(), "１０２４x512", (1024, 512)),
+    (Numbers("X,Y,Z", ("x", "y")), "y", "y"),
+    (Numbers("X,Y,Z", ("x", "y")), "0, -1,2e-3", (0.0, -1.0, 0.002)),
+    (Numbers("S[,T]"), "2", 2.0),
+    (Numbers("S[,T]"), "2,-3", (2.0, -3.0)),
+    (NameAndStrength(["twirl"]), "twirl", "twirl"),
+    (NameAndStrength(["twirl"]), "twirl:-90", ("twirl", -90.0)),
+    (Names(["normal", "height"]), "normal", ("normal",)),
+    (Names(["normal", "height"]), "height, normal,height", ("height", "normal")),
+])  # fmt: skip
 def test_text_becomes_a_value(kind, text, value):
     assert kind.convert(text, PARAM, CONTEXT) == value
 

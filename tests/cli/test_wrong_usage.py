@@ -301,15 +301,12 @@ def test_one_line_the_exit_code_and_nothing_else(place, monkeypatch, line, exit_
     assert contents(Path()) == before
 
 
-@pytest.mark.parametrize(
-    "line",
-    [
-        "bake-normals high.ply low.obj --size 32 -o n.png",
-        "bake high.ply low.obj --size 32 -o maps",
-        "simplify high.ply -o low_1.obj --faces 100",
-        "run high.ply -o job --faces 100",
-    ],
-)
+@pytest.mark.parametrize("line", [
+    "bake-normals high.ply low.obj --size 32 -o n.png",
+    "bake high.ply low.obj --size 32 -o maps",
+    "simplify high.ply -o low_1.obj --faces 100",
+    "run high.ply -o job --faces 100",
+])  # fmt: skip
 def test_a_folder_that_may_not_be_written_to(workplace, invoke, monkeypatch, line):
     # Root, who may run the tests, may write anywhere: so the system's answer is simulated.
     monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)

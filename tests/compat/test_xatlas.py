@@ -160,16 +160,13 @@ def test_an_atlas_is_empty_until_it_is_generated(xatlas):
     assert (len(atlas), atlas.mesh_count, atlas.chart_count, atlas.atlas_count) == (1, 1, 1, 1)
 
 
-@pytest.mark.parametrize(
-    "read",
-    [
-        lambda atlas: atlas.get_mesh(0), lambda atlas: atlas[0],
-        lambda atlas: atlas.get_mesh_chart_count(0), lambda atlas: atlas.get_mesh_chart(0, 0),
-        lambda atlas: atlas.get_mesh_vertex_assignment(0), lambda atlas: atlas.utilization,
-        lambda atlas: atlas.get_utilization(0), lambda atlas: atlas.chart_image,
-        lambda atlas: atlas.get_chart_image(0),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("read", [
+    lambda atlas: atlas.get_mesh(0), lambda atlas: atlas[0],
+    lambda atlas: atlas.get_mesh_chart_count(0), lambda atlas: atlas.get_mesh_chart(0, 0),
+    lambda atlas: atlas.get_mesh_vertex_assignment(0), lambda atlas: atlas.utilization,
+    lambda atlas: atlas.get_utilization(0), lambda atlas: atlas.chart_image,
+    lambda atlas: atlas.get_chart_image(0),
+])  # fmt: skip
 def test_what_is_not_there_is_an_index_error(xatlas, read):
     with pytest.raises(IndexError, match="index 0 out of bounds"):
         read(xatlas.Atlas())

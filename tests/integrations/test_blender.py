@@ -141,16 +141,13 @@ def test_the_zip_has_what_blender_asks_for(extension):
     assert set(manifest["permissions"]) == {"files"}
 
 
-@pytest.mark.parametrize(
-    ("tag", "platform"),
-    [
-        ("manylinux_2_17_x86_64.manylinux2014_x86_64", "linux-x64"),
-        ("linux_aarch64", "linux-arm64"),
-        ("macosx_11_0_arm64", "macos-arm64"),
-        ("macosx_10_9_x86_64", "macos-x64"),
-        ("win_amd64", "windows-x64"),
-    ],
-)
+@pytest.mark.parametrize(("tag", "platform"), [
+    ("manylinux_2_17_x86_64.manylinux2014_x86_64", "linux-x64"),
+    ("linux_aarch64", "linux-arm64"),
+    ("macosx_11_0_arm64", "macos-arm64"),
+    ("macosx_10_9_x86_64", "macos-x64"),
+    ("win_amd64", "windows-x64"),
+])  # fmt: skip
 def test_every_wheel_has_a_platform_of_blender(tag, platform):
     assert module("build").platform_of(Path(f"texbake-0.1.0-py3-none-{tag}.whl")) == platform
 
@@ -239,16 +236,13 @@ def test_a_matrix_of_both_meshes_changes_no_byte(blender, tmp_path, matrix):
 
 # Blender bakes in float32, from tangents that it computes in float32 as well. Where the surface is
 # mirrored, single texels at edges of the low-poly mesh hit another face.
-@pytest.mark.parametrize(
-    ("high", "low"),
-    [
-        ("plain", "plain"),
-        ("mirrored", "plain"),
-        ("plain", "mirrored"),
-        ("turned and mirrored", "turned"),
-        ("small", "small"),
-    ],
-)
+@pytest.mark.parametrize(("high", "low"), [
+    ("plain", "plain"),
+    ("mirrored", "plain"),
+    ("plain", "mirrored"),
+    ("turned and mirrored", "turned"),
+    ("small", "small"),
+])  # fmt: skip
 def test_a_normal_map_is_what_blender_bakes(blender, high, low):
     mean, percentile = blender("angle_to_own_bake", high, low)
     assert mean < 0.02
@@ -416,15 +410,12 @@ def test_check_says_where_modifiers_hide_the_faces(blender):
     assert found["mode again"] == "EDIT"
 
 
-@pytest.mark.parametrize(
-    ("operator", "options"),
-    [
-        ("bake", NORMAL),
-        ("unwrap", {"size": 64}),
-        ("simplify", {"ratio": 0.5}),
-        ("check", {"size": 16}),
-    ],
-)
+@pytest.mark.parametrize(("operator", "options"), [
+    ("bake", NORMAL),
+    ("unwrap", {"size": 64}),
+    ("simplify", {"ratio": 0.5}),
+    ("check", {"size": 16}),
+])  # fmt: skip
 def test_undo_takes_an_operator_back(blender, operator, options):
     before, after, undone = blender("undone", operator, options)
     assert after != before or operator == "check"
@@ -437,42 +428,39 @@ def test_a_bake_comes_back_to_edit_mode(blender):
     assert [state["images"] for state in (before, after, undone)] == [0, 1, 0]
 
 
-@pytest.mark.parametrize(
-    ("how", "operator", "options", "message"),
-    [
-        ("nothing selected", "bake", NORMAL, "the active object is not a mesh"),
-        ("nothing selected", "unwrap", {}, "no mesh is selected"),
-        ("nothing selected", "simplify", {}, "no mesh is selected"),
-        ("nothing selected", "remesh", {}, "no mesh is selected"),
-        ("nothing selected", "lighten", {}, "no mesh is selected"),
-        ("nothing selected", "check", {}, "the active object is not a mesh"),
-        ("low-poly mesh alone", "bake", NORMAL, "no high-poly mesh is selected"),
-        ("no UV map", "bake", NORMAL, "low: it has no UV map; unwrap it first"),
-        ("no UV map", "unwrap", {"seams": "PACK"}, "it has no UV map, so there are no seams"),
-        ("no UV map in edit mode", "bake", NORMAL, "low: it has no UV map; unwrap it first"),
-        ("no UV map in edit mode", "unwrap", {"seams": "PACK"}, "there are no seams"),
-        ("no folder in edit mode", "bake", NORMAL, "could not start"),
-        ("no folder in edit mode", "unwrap", {}, "could not start"),
-        ("no folder in edit mode", "simplify", {}, "could not start"),
-        ("no folder in edit mode", "remesh", {}, "could not start"),
-        ("no folder in edit mode", "lighten", {}, "could not start"),
-        ("no folder in edit mode", "check", {}, "could not start"),
-        ("active object is no mesh", "bake", NORMAL, "the active object is not a mesh"),
-        ("no faces", "bake", NORMAL, "low: it has no faces"),
-        ("no faces", "unwrap", {}, "low: it has no faces"),
-        ("no faces", "simplify", {}, "low: it has no faces"),
-        ("no faces", "check", {}, "low: it has no faces"),
-        ("scale of 0", "bake", NORMAL, "low: its scale is 0"),
-        ("wheel missing", "bake", NORMAL, "the package texbake is missing"),
-        ("wheel of another platform", "bake", NORMAL, "does not work here: its core is for"),
-        ("no temporary folder", "bake", NORMAL, "could not start"),
-        ("nothing wrong", "bake", {**NORMAL, "cage": "nowhere"}, "no mesh object of this name"),
-        ("other mesh", "bake", {**NORMAL, "cage": "other"}, "other: "),
-        ("nothing wrong", "bake", {**NORMAL, "maps": []}, "no map is chosen"),
-        ("nothing wrong", "bake", {**NORMAL, "save": "FILES"}, "save the .blend file first"),
-        ("nothing wrong", "select_finding", {"number": 99}, "this finding names no faces"),
-    ],
-)
+@pytest.mark.parametrize(("how", "operator", "options", "message"), [
+    ("nothing selected", "bake", NORMAL, "the active object is not a mesh"),
+    ("nothing selected", "unwrap", {}, "no mesh is selected"),
+    ("nothing selected", "simplify", {}, "no mesh is selected"),
+    ("nothing selected", "remesh", {}, "no mesh is selected"),
+    ("nothing selected", "lighten", {}, "no mesh is selected"),
+    ("nothing selected", "check", {}, "the active object is not a mesh"),
+    ("low-poly mesh alone", "bake", NORMAL, "no high-poly mesh is selected"),
+    ("no UV map", "bake", NORMAL, "low: it has no UV map; unwrap it first"),
+    ("no UV map", "unwrap", {"seams": "PACK"}, "it has no UV map, so there are no seams"),
+    ("no UV map in edit mode", "bake", NORMAL, "low: it has no UV map; unwrap it first"),
+    ("no UV map in edit mode", "unwrap", {"seams": "PACK"}, "there are no seams"),
+    ("no folder in edit mode", "bake", NORMAL, "could not start"),
+    ("no folder in edit mode", "unwrap", {}, "could not start"),
+    ("no folder in edit mode", "simplify", {}, "could not start"),
+    ("no folder in edit mode", "remesh", {}, "could not start"),
+    ("no folder in edit mode", "lighten", {}, "could not start"),
+    ("no folder in edit mode", "check", {}, "could not start"),
+    ("active object is no mesh", "bake", NORMAL, "the active object is not a mesh"),
+    ("no faces", "bake", NORMAL, "low: it has no faces"),
+    ("no faces", "unwrap", {}, "low: it has no faces"),
+    ("no faces", "simplify", {}, "low: it has no faces"),
+    ("no faces", "check", {}, "low: it has no faces"),
+    ("scale of 0", "bake", NORMAL, "low: its scale is 0"),
+    ("wheel missing", "bake", NORMAL, "the package texbake is missing"),
+    ("wheel of another platform", "bake", NORMAL, "does not work here: its core is for"),
+    ("no temporary folder", "bake", NORMAL, "could not start"),
+    ("nothing wrong", "bake", {**NORMAL, "cage": "nowhere"}, "no mesh object of this name"),
+    ("other mesh", "bake", {**NORMAL, "cage": "other"}, "other: "),
+    ("nothing wrong", "bake", {**NORMAL, "maps": []}, "no map is chosen"),
+    ("nothing wrong", "bake", {**NORMAL, "save": "FILES"}, "save the .blend file first"),
+    ("nothing wrong", "select_finding", {"number": 99}, "this finding names no faces"),
+])  # fmt: skip
 def test_a_mistake_is_one_line_and_changes_nothing(blender, how, operator, options, message):
     answer, is_unchanged = blender("refused", how, operator, options)
     assert message in answer

@@ -49,9 +49,7 @@ def test_a_map_of_one_number_takes_a_gray_image(folder):
     assert np.abs(read_image(written, color=False).pixels - 128 / 255).max() < 0.005
 
 
-@pytest.mark.parametrize(
-    ("maps", "has_image"), [(("base-color",), True), (("normal", "ao"), False)]
-)
+@pytest.mark.parametrize("maps, has_image", [(("base-color",), True), (("normal", "ao"), False)])
 def test_a_step_with_little_memory_reads_whole_what_must_be_whole(folder, maps, has_image):
     write_mesh(plane(200, 200), folder / "high.ply")
     inputs = {"high": (folder / "high.ply",), "low": (folder / "low.obj",)}

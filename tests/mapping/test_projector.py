@@ -163,14 +163,11 @@ def test_a_matrix_without_a_picture_is_one_error(matrix, message):
 ROWS = ((1.0, 0.0, 0.0, 0.5), (0.0, 1.0, 0.0, 0.5), (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, -1.0, 2.0))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "1 0 0 .5\n0 1 0 .5\n0 0 1 0\n0 0 -1 2\n",
-        "1,0,0,0.5, 0,1,0,0.5, 0,0,1,0, 0,0,-1,2",
-        "# a slide\n1 0 0 .5 # first\r\n0 1 0 5e-1 0 0 1 0\n\n0 0 -1 2",
-    ],
-)
+@pytest.mark.parametrize("text", [
+    "1 0 0 .5\n0 1 0 .5\n0 0 1 0\n0 0 -1 2\n",
+    "1,0,0,0.5, 0,1,0,0.5, 0,0,1,0, 0,0,-1,2",
+    "# a slide\n1 0 0 .5 # first\r\n0 1 0 5e-1 0 0 1 0\n\n0 0 -1 2",
+])  # fmt: skip
 def test_sixteen_numbers_row_by_row(text, tmp_path):
     (tmp_path / "m.txt").write_text(text)
     assert read_matrix(tmp_path / "m.txt") == ROWS

@@ -61,18 +61,15 @@ def test_json():
     assert read["bounds"] == [[0.0, 0.0, 0.0], [2.0, 3.0, 4.0]]
 
 
-@pytest.mark.parametrize(
-    ("name", "facts"),
-    [
-        ("figure", {"closed": True, "genus": 1, "n_components": 1}),
-        ("sponge", {"closed": True, "genus": 81, "n_faces": 2112, "area": 1056.0}),
-        ("bracket", {"closed": True, "genus": 12, "n_split_vertices": 4980 - 808}),
-        ("scan", {"closed": False, "genus": None, "n_components": 5}),
-        ("fused cells", {"closed": False, "n_boundary_edges": 0, "n_duplicate_faces": 9,
-                         "n_degenerate_faces": 5, "genus": None}),
-        ("crossing figures", {"closed": True, "genus": 2, "n_components": 2}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "facts"), [
+    ("figure", {"closed": True, "genus": 1, "n_components": 1}),
+    ("sponge", {"closed": True, "genus": 81, "n_faces": 2112, "area": 1056.0}),
+    ("bracket", {"closed": True, "genus": 12, "n_split_vertices": 4980 - 808}),
+    ("scan", {"closed": False, "genus": None, "n_components": 5}),
+    ("fused cells", {"closed": False, "n_boundary_edges": 0, "n_duplicate_faces": 9,
+                     "n_degenerate_faces": 5, "genus": None}),
+    ("crossing figures", {"closed": True, "genus": 2, "n_components": 2}),
+])  # fmt: skip
 def test_facts_that_models_have_by_construction(name, facts):
     info = mesh_info(model(name))
     assert {fact: getattr(info, fact) for fact in facts} == facts

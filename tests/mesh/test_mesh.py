@@ -38,13 +38,10 @@ def test_every_reader_counts_the_corners_that_it_places(tmp_path, monkeypatch, r
         read(path)
 
 
-@pytest.mark.parametrize(
-    "positions",
-    [
-        np.eye(3).astype(str), np.eye(3).astype(complex), np.eye(3).astype(object),
-        np.eye(3).astype("datetime64[s]"), [["a", "b", "c"]] * 3, [[0.0, 1.0], [2.0]],
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("positions", [
+    np.eye(3).astype(str), np.eye(3).astype(complex), np.eye(3).astype(object),
+    np.eye(3).astype("datetime64[s]"), [["a", "b", "c"]] * 3, [[0.0, 1.0], [2.0]],
+])  # fmt: skip
 def test_positions_are_numbers(positions):
     with pytest.raises(MeshError, match=r"^mesh: positions is not an array of numbers$"):
         Mesh(positions=positions, faces=[[0, 1, 2]])

@@ -103,14 +103,11 @@ def alone():
     return "\n".join(rows(CONTROL.reshape(-1, 3), " "))
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        shared(), shared(", "), shared(" "), shared().replace("\n", " # of a pot\r\n"),
-        shared(",").replace("\n", ",\n"), degrees(), alone(), "2\n" + alone(),
-        "# points\n\n" + alone(),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("text", [
+    shared(), shared(", "), shared(" "), shared().replace("\n", " # of a pot\r\n"),
+    shared(",").replace("\n", ",\n"), degrees(), alone(), "2\n" + alone(),
+    "# points\n\n" + alone(),
+])  # fmt: skip
 def test_every_layout_gives_the_same_patches(written, text):
     np.testing.assert_array_equal(patches_of(written(text)), CONTROL)
 

@@ -67,17 +67,14 @@ def test_copies_are_found_wherever_they_lie_and_brought_back():
         assert np.abs(normals[0] - normals[1]).max() < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("other", "given"),
-    [
-        (egg().replace(positions=egg().positions * [1.0, 1.0, 1.01]), {}),  # shape
-        (egg(), {"ids": [0, 1]}),  # material
-        (egg().replace(uvs=egg().uvs + 0.25), {}),  # texture coordinates
-        (egg(), {"colors": lambda mesh: mesh.positions[mesh.faces]}),
-        (egg().replace(normals=-egg().normals), {}),
-        (egg().replace(positions=0.4 * egg().positions), {}),  # size
-    ],
-)
+@pytest.mark.parametrize(("other", "given"), [
+    (egg().replace(positions=egg().positions * [1.0, 1.0, 1.01]), {}),  # shape
+    (egg(), {"ids": [0, 1]}),  # material
+    (egg().replace(uvs=egg().uvs + 0.25), {}),  # texture coordinates
+    (egg(), {"colors": lambda mesh: mesh.positions[mesh.faces]}),
+    (egg().replace(normals=-egg().normals), {}),
+    (egg().replace(positions=0.4 * egg().positions), {}),  # size
+])  # fmt: skip
 def test_parts_of_another_shape_or_look_are_no_copies(other, given):
     moved = transformed(other, MOTIONS["moved"])
     assert repeated([egg(), moved], **given)[2].n_shared == 0

@@ -66,9 +66,7 @@ def test_gray_images_stay_as_they_are(tmp_path):
     assert found.channels["roughness"].image == replace(image, components=(1,))
 
 
-@pytest.mark.parametrize(
-    ("suffix", "n"), [("tga", 4), ("tif", 4), ("tif", 3), ("tif", 2), ("tga", 1)]
-)
+@pytest.mark.parametrize("suffix, n", [("tga", 4), ("tif", 4), ("tif", 3), ("tif", 2), ("tga", 1)])
 def test_other_formats_become_png_with_the_same_codes(tmp_path, suffix, n):
     given = codes(n)
     color = np.full((8, 8, 4), 255)

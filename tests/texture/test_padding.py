@@ -112,13 +112,10 @@ def test_fill_does_not_change_its_input_and_says_what_does_not_fit():
         fill([[2**53 + 2, 0]], [[1, 0]])
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        np.uint32(2**32 - 1), np.int32(-(2**31)), np.int64(2**40 + 1), np.float64(1e300),
-        np.float64(0.1),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("value", [
+    np.uint32(2**32 - 1), np.int32(-(2**31)), np.int64(2**40 + 1), np.float64(1e300),
+    np.float64(0.1),
+])  # fmt: skip
 def test_fill_keeps_numbers_that_float32_cannot_hold(value):
     filled = fill(np.array([[value, 0, 0]]).astype(value.dtype), [[1, 0, 0]])
     assert (filled == value).all() and filled.dtype == value.dtype

@@ -309,17 +309,14 @@ def test_tiles_keep_their_numbers(tmp_path, mesh, maps):
         )
 
 
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("normal", ("normal", "")), ("Albedo", ("base-color", "")), ("texture", ("base-color", "")),
-        ("height_1011", ("displacement", "1011")), ("ao:1001", ("ao", "1001")),
-        ("curvature", ("curvature", "")), ("scan1001", ("scan1001", "")),
-        ("rock_normal_1024", ("rock_normal", "")), ("ao.4096", ("ao", "")),
-        ("ao:1024", ("ao", "1024")), ("ao:2048", ("ao:2048", "")), ("ao_1000", ("ao_1000", "")),
-        ("ao_999", ("ao_999", "")),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("name", "expected"), [
+    ("normal", ("normal", "")), ("Albedo", ("base-color", "")), ("texture", ("base-color", "")),
+    ("height_1011", ("displacement", "1011")), ("ao:1001", ("ao", "1001")),
+    ("curvature", ("curvature", "")), ("scan1001", ("scan1001", "")),
+    ("rock_normal_1024", ("rock_normal", "")), ("ao.4096", ("ao", "")),
+    ("ao:1024", ("ao", "1024")), ("ao:2048", ("ao:2048", "")), ("ao_1000", ("ao_1000", "")),
+    ("ao_999", ("ao_999", "")),
+])  # fmt: skip
 def test_names_of_maps(name, expected):
     assert kind_of(name) == expected
 
