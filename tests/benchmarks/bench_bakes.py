@@ -18,16 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from harness import (
-    DATA,
-    PAIRS,
-    SCENES,
-    in_child,
-    in_turn,
-    read_pair,
-    run_commands,
-    table,
-)
+from harness import DATA, PAIRS, SCENES, in_child, in_turn, read_pair, run_commands, table
 
 import texbake
 from texbake import progress

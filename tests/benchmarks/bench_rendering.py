@@ -28,10 +28,7 @@ from texbake.rendering.draw import draw, plan_of, prepare
 from texbake.rendering.effects import EFFECTS
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.scene.lights import Ambient, Light, Lighting
-from texbake.rendering.scene.material import (
-    Material,
-    NormalMap,
-)
+from texbake.rendering.scene.material import Material, NormalMap
 from texbake.rendering.scene.scene import Scene, SceneObject, camera_of
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.texture.encoding import decode_srgb, encode_srgb

@@ -13,12 +13,7 @@ from texbake.mesh.mesh import Mesh, UvSet
 from texbake.mesh.shapes import plane, uv_sphere
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
-from texbake.rendering.scene.lights import (
-    Ambient,
-    Light,
-    Lighting,
-    Shadow,
-)
+from texbake.rendering.scene.lights import Ambient, Light, Lighting, Shadow
 from texbake.rendering.scene.material import Material
 from texbake.rendering.scene.scene import CameraView, Scene, SceneObject, transform_matrix
 from texbake.rendering.scene.textures import ImageTexture

@@ -90,8 +90,7 @@ def test_a_chart_that_lies_on_itself_is_taken_apart():
 def test_a_mirrored_sliver_becomes_a_point():
     width = 2.0**-20
     mesh = Mesh(
-        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, -width, 0]],
-        faces=[[0, 1, 2], [0, 3, 1]],
+        positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, -width, 0]], faces=[[0, 1, 2], [0, 3, 1]]
     )
     charts = repaired(mesh, [[0, 0], [1, 0], [0, 1], [0.5, width]], np.zeros(4))
     assert (charts.n_charts, charts.n_ignored, charts.n_split) == (1, 1, 0)

@@ -4,14 +4,7 @@ import pytest
 from texbake import Mesh, OptionError, UnwrapOptions, distortion, unwrap
 from texbake.errors import UvError
 from texbake.mapping.options.projection import WARPS
-from texbake.mapping.transform import (
-    bulge,
-    power,
-    scale_to_density,
-    transform_uvs,
-    twirl,
-    warp_uvs,
-)
+from texbake.mapping.transform import bulge, power, scale_to_density, transform_uvs, twirl, warp_uvs
 from texbake.mesh.shapes import icosphere, plane
 
 POINTS = np.random.default_rng(5).random((40, 3, 2)) * 3 - 1

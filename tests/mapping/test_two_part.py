@@ -10,10 +10,7 @@ from texbake import Mesh, UnwrapOptions
 from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.cylindrical import cylindrical, spherical
 from texbake.mapping.classical.frames import LocalPoints
-from texbake.mapping.classical.intermediate import (
-    Box,
-    surface_around,
-)
+from texbake.mapping.classical.intermediate import Box, surface_around
 from texbake.mapping.classical.planar import planar
 from texbake.mapping.classical.two_part import two_part
 from texbake.mesh.shapes import cube, icosphere, plane
@@ -125,7 +122,7 @@ def test_a_reflection_by_hand():
     expected = 0.5 + 0.5 * 2.5 * floor[:, :2]
     np.testing.assert_allclose(found.corners[:2], expected[mesh.faces[:2]], atol=1e-12)
     assert found.tallies == {
-        "corners without a ray, sent from the center": 3,  # the spot has no normal
+        "corners without a ray, sent from the center": 3  # the spot has no normal
     }
 
 
