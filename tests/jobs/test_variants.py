@@ -211,3 +211,20 @@ def test_images_of_extensions_are_baked_onto_new_coordinates(tmp_path):
         found = 255 * pixels[((1 - v) * n).astype(int), (u * n).astype(int)]
         medians = sorted(float(np.median(found[side])) for side in is_left)
         np.testing.assert_allclose(medians, sorted(values), atol=2)
+
+
+def test_opaque_parts_do_not_transmit_light_beside_glass(tmp_path):
+    ball = uv_sphere(24, 48)
+    mesh = join_meshes([ball, ball.replace(positions=0.5 * ball.positions)])
+    glass = MeshMaterial(name="glass", channels={"transmission": ChannelSource((0.9,))})
+    materials = Materials(
+        face_materials=np.repeat(np.array([0, 1], np.int32), ball.n_faces),
+        materials=(glass, plain("wax", GOLD)),
+    )
+    write_glb(mesh, tmp_path / "a.glb", materials=materials)
+    lighten_file(tmp_path / "a.glb", tmp_path / "b.glb", OPTIONS)
+    mesh = read_mesh(tmp_path / "b.glb")
+    found = read_materials(tmp_path / "b.glb", mesh)
+    is_inner = np.abs(mesh.positions[mesh.faces]).max(axis=(1, 2)) < 0.6
+    transmits = np.array(["transmission" in item.channels for item in found.materials])
+    assert (transmits[found.face_materials] == ~is_inner).all()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -261,11 +260,11 @@ def shared_materials(
 ) -> Materials:
     """Return materials of a mesh that share one set of images.
 
-    One material is enough unless the source is opaque in one place and not in another, or
-    double-sided, or unlit, or has extensions that are not baked: a renderer asks that of a material
-    as a whole. A face then has the material of the nearest point of the source.
+    One material is enough unless the source is opaque in one place and not in another, or transmits
+    light, or is double-sided, or unlit, or has extensions that are not baked: a renderer asks that
+    of a material as a whole. A face then has the material of the nearest point of the source.
     """
-    kinds = [replace(material, name="", channels={}) for material in materials.materials]
+    kinds = materials.materials
     used = np.unique(materials.face_materials).tolist()
     distinct = list(dict.fromkeys(_as_key(kinds[i]) for i in used))
     ids: IntArray = np.zeros(low.n_faces, np.int32)
@@ -282,37 +281,44 @@ def shared_materials(
         materials=tuple(
             MeshMaterial(
                 name=title,
-                channels=_fitting(channels, key[0]),
+                channels=_fitting(channels, key),
                 alpha_mode=key[0],
                 alpha_cutoff=key[1],
                 is_double_sided=key[2],
                 is_unlit=key[3],
-                extensions=json.loads(key[4]),
+                extensions=json.loads(key[5]),
             )
             for title, key in zip(names, distinct, strict=True)
         ),
     )
 
 
-_Kind = tuple[str, float, bool, bool, str]
+_Kind = tuple[str, float, bool, bool, bool, str]
 
 
 def _as_key(material: MeshMaterial) -> _Kind:
     cutoff = material.alpha_cutoff if material.alpha_mode == "mask" else 0.5
     extensions = json.dumps(material.on_uv_sets(()).extensions, sort_keys=True)
-    return material.alpha_mode, cutoff, material.is_double_sided, material.is_unlit, extensions
+    source = material.channels.get("transmission")
+    transmits = source is not None and (any(source.factor) or source.sampler is not None)
+    sides = material.is_double_sided, material.is_unlit
+    return material.alpha_mode, cutoff, *sides, transmits, extensions
 
 
 def _title(kind: _Kind) -> str:
-    mode, _, is_double_sided, is_unlit, extensions = kind
+    mode, _, is_double_sided, is_unlit, transmits, extensions = kind
     words = [mode, *(["double-sided"] if is_double_sided else []), *(["unlit"] if is_unlit else [])]
+    words += ["transmission"] if transmits else []
     words += [name.removeprefix("KHR_materials_") for name in json.loads(extensions)]
     return " ".join(words)
 
 
-def _fitting(channels: dict[str, ChannelSource], mode: str) -> dict[str, ChannelSource]:
-    """Channels of a material of an alpha mode: an opaque one has no alpha."""
-    return {name: found for name, found in channels.items() if name != "alpha" or mode != "opaque"}
+def _fitting(channels: dict[str, ChannelSource], kind: _Kind) -> dict[str, ChannelSource]:
+    """Channels of a kind of material: not the alpha of opaque ones, nor a transmission of none."""
+    mode, *_, transmits, _ = kind
+    without = {"alpha"} if mode == "opaque" else set()
+    without |= set() if transmits else {"transmission"}
+    return {name: found for name, found in channels.items() if name not in without}
 
 
 def _nearest_faces(low: Mesh, high: Mesh, threads: int | None) -> npt.NDArray[np.intp]:

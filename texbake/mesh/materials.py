@@ -211,7 +211,7 @@ class Materials:
         """Return the materials that faces have, also in variants, numbered without gaps."""
         shown = np.unique(self.face_materials)
         tables = np.array([table for _, table in self.variants], np.int32)
-        tables = tables.reshape(-1, len(self.materials))
+        tables = tables.reshape(len(self.variants), len(self.materials))
         numbers = np.unique(np.concatenate([shown, tables[:, shown].ravel()]))
         items = tuple(self.materials[number] for number in numbers.tolist())
         # What no face shows by default keeps its place in variants.
