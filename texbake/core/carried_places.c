@@ -21,18 +21,24 @@ void begin_places(
 {
     places->points = take(arena, n, sizeof *places->points);
     memcpy(places->points, points, (size_t)n * sizeof *points);
-    places->next = TAKE(arena, int32_t, n);
+    places->first = TAKE(arena, int32_t, n);
     places->last = TAKE(arena, int32_t, n);
+    places->next = TAKE(arena, int32_t, n);
     for (int32_t place = 0; place < n; place++) {
         places->next[place] = -1;
-        places->last[place] = place;
+        places->first[place] = places->last[place] = place;
     }
 }
 
 /* Let the second vertex also stand for what the first did. */
 void join_places(struct carried_places *places, int32_t u, int32_t v)
 {
-    places->next[places->last[v]] = u;
+    if (places->first[u] < 0)
+        return;
+    if (places->first[v] < 0)
+        places->first[v] = places->first[u];
+    else
+        places->next[places->last[v]] = places->first[u];
     places->last[v] = places->last[u];
 }
 
@@ -67,7 +73,7 @@ double distance_of_places(
     double most = 0.0;
     for (int end = 0; end < 2; end++) {
         const int32_t near = end == 0 ? u : v, far = end == 0 ? v : u;
-        for (int32_t place = vertex_ids[near]; place >= 0; place = places->next[place]) {
+        for (int32_t place = places->first[vertex_ids[near]]; place >= 0; place = places->next[place]) {
             const struct vector point = vector_at(places->points[place]);
             double least = distance_around(mesh, near, far, meeting, point, most);
             if (least > most)
@@ -77,4 +83,28 @@ double distance_of_places(
         }
     }
     return most;
+}
+
+/* Let each of the two vertices that one has become stand for what is closer to it. */
+void share_places(
+    const struct collapsible_mesh *mesh, struct carried_places *places, const int32_t *vertex_ids,
+    int32_t vertex, int32_t half)
+{
+    int32_t place = places->first[vertex_ids[vertex]];
+    places->first[vertex_ids[vertex]] = places->first[vertex_ids[half]] = -1;
+    while (place >= 0) {
+        const struct vector point = vector_at(places->points[place]);
+        const struct vector at = vector_at(mesh->points[vertex]);
+        const double of_vertex = distance_around(mesh, vertex, -1, at, point, 0.0);
+        const double of_half = distance_around(mesh, half, -1, at, point, 0.0);
+        const int32_t list = vertex_ids[of_half < of_vertex ? half : vertex];
+        const int32_t next = places->next[place];
+        places->next[place] = -1;
+        if (places->first[list] < 0)
+            places->first[list] = place;
+        else
+            places->next[places->last[list]] = place;
+        places->last[list] = place;
+        place = next;
+    }
 }

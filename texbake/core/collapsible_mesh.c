@@ -115,6 +115,11 @@ void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh)
     mesh->mark = 0;
     mesh->is_mixed = false;
     mesh->merged = TAKE(arena, int32_t, mesh->n_faces);
+    if (mesh->may_cut) {
+        mesh->spares = TAKE(arena, struct spare_vertex, n);
+        mesh->n_spares = 0;
+        mesh->arcs = TAKE(arena, int32_t, 3 * mesh->n_faces);
+    }
     list_corners(arena, mesh);
     for (int32_t vertex = 0; vertex < n; vertex++)
         mesh->kinds[vertex] = (uint8_t)kind_of(mesh, corners_of(mesh, vertex), &mesh->is_mixed);
@@ -170,11 +175,44 @@ static bool has_face(
     return false;
 }
 
-/* Whether the neighbors in common are those opposite to the edge, and no two faces become one. */
+/* Whether the surface may be cut along a loop through u, v and the one neighbor in common, marked with
+   `of_both`, that is not opposite to their edge. */
+static bool finds_loop(
+    const struct collapsible_mesh *mesh, int32_t u, int32_t v, struct corners of_u,
+    struct corners of_v, int32_t of_both, struct collapse *collapse)
+{
+    if (mesh->kinds[u] != INTERIOR || mesh->kinds[v] != INTERIOR || mesh->n_spares == 0)
+        return false;
+    for (int64_t i = 0; i < of_u.n; i++) {
+        const int32_t a = vertex_after(mesh, of_u.corners[i], 1);
+        const int32_t b = vertex_after(mesh, of_u.corners[i], 2);
+        if (a == v || b == v)
+            continue;
+        if (has_face(mesh, of_v, a, b))
+            return false;
+        bool is_opposite = false;
+        for (int64_t j = 0; j < of_u.n; j++)
+            is_opposite |= (vertex_after(mesh, of_u.corners[j], 1) == a
+                            && vertex_after(mesh, of_u.corners[j], 2) == v)
+                || (vertex_after(mesh, of_u.corners[j], 1) == v
+                    && vertex_after(mesh, of_u.corners[j], 2) == a);
+        if (mesh->marks[a] == of_both && !is_opposite)
+            collapse->third = a;
+    }
+    const int32_t third = collapse->third;
+    return third >= 0 && mesh->kinds[third] == INTERIOR && !mesh->is_fixed[third];
+}
+
+/* Whether the neighbors in common are those opposite to the edge, and no two faces become one, or else
+   the topology may change. */
 static bool link_allows(
     struct collapsible_mesh *mesh, int32_t u, int32_t v, struct corners of_u, struct corners of_v,
-    int n_edge_faces)
+    struct collapse *collapse)
 {
+    const int n_edge_faces = collapse->n_faces;
+    const bool may_change = mesh->may_cut && !mesh->is_mixed;
+    collapse->third = -1;
+    collapse->vanishes = false;
     if (mesh->mark > INT32_MAX - 4) {
         memset(mesh->marks, 0, (size_t)mesh->n_vertices * sizeof(int32_t));
         mesh->mark = 0;
@@ -194,7 +232,13 @@ static bool link_allows(
             *mark += *mark == of_one; /* of both */
         }
     }
-    if (n_common != n_edge_faces || (of_u.n == n_edge_faces && of_v.n == n_edge_faces))
+    if (mesh->twins != NULL && doubles_edge(mesh, v, of_u, of_one))
+        return false;
+    if (of_u.n == n_edge_faces && of_v.n == n_edge_faces)
+        return may_change;
+    if (n_common == n_edge_faces + 1 && may_change)
+        return finds_loop(mesh, u, v, of_u, of_v, of_both, collapse);
+    if (n_common != n_edge_faces)
         return false;
     const bool *is_shared = mesh->is_shared;
     if (!is_shared[v] && steps_u == 1 && of_u.n > 3)
@@ -209,8 +253,10 @@ static bool link_allows(
             continue;
         /* Three corners at u alone: v may have a face with the other two, as in a tetrahedron, here
            or beyond this mesh. */
-        if ((is_shared[v] && is_shared[a] && is_shared[b]) || has_face(mesh, of_v, a, b))
-            return false;
+        if ((is_shared[v] && is_shared[a] && is_shared[b]) || has_face(mesh, of_v, a, b)) {
+            collapse->vanishes = may_change && of_u.n == of_v.n && of_u.n == n_edge_faces + 1;
+            return collapse->vanishes;
+        }
     }
     return true;
 }
@@ -245,7 +291,7 @@ bool can_collapse(
 {
     const struct corners of_u = corners_of(mesh, u), of_v = corners_of(mesh, v);
     return find_edge(mesh, u, v, of_u, collapse) && sides_stay(mesh, u, of_u, v, place)
-        && link_allows(mesh, u, v, of_u, of_v, collapse->n_faces)
+        && link_allows(mesh, u, v, of_u, of_v, collapse)
         && (memcmp(mesh->points[v], &place, sizeof place) == 0
             || sides_stay(mesh, v, of_v, u, place));
 }
@@ -281,7 +327,7 @@ static void tidy_pool(struct collapsible_mesh *mesh)
 }
 
 /* Make the list of a vertex the merged one. */
-static void take_merged(struct collapsible_mesh *mesh, int32_t vertex, int32_t n)
+void take_merged(struct collapsible_mesh *mesh, int32_t vertex, int32_t n)
 {
     struct corner_list *list = &mesh->lists[vertex];
     list->count = 0;
@@ -323,4 +369,18 @@ void collapse_edge(
     mesh->lists[u].count = 0;
     take_merged(mesh, v, n);
     memcpy(mesh->points[v], &place, sizeof place);
+    if (mesh->twins != NULL)
+        leave_twins(mesh, u);
+    if (!mesh->may_cut)
+        return;
+    mesh->spares[mesh->n_spares++] = (struct spare_vertex){u, collapse->wedges_u[0]};
+    for (int32_t i = 0; i < n && collapse->vanishes; i++) {
+        int32_t *face = mesh->faces[mesh->merged[i] >> 2];
+        for (int step = 1; step <= 2; step++)
+            forget_corner(mesh, vertex_after(mesh, mesh->merged[i], step), mesh->merged[i] >> 2);
+        face[0] = face[1] = face[2] = -1;
+        mesh->n_left--;
+    }
+    if (collapse->vanishes)
+        mesh->lists[v].count = 0;
 }

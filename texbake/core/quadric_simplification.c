@@ -445,6 +445,9 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
     const int64_t n = mesh->n_vertices;
     mesh->least_cosine = LEAST_COSINE;
     prepare_mesh(arena, mesh);
+    mesh->twins = NULL;
+    if (mesh->copy_of != NULL && !s->moves)
+        find_twins(arena, mesh);
     for (int64_t vertex = 0; lock_boundary && vertex < n; vertex++)
         mesh->is_fixed[vertex] |= mesh->kinds[vertex] == BOUNDARY;
     s->n_wedges = TAKE_ZEROS(arena, uint8_t, n);
@@ -512,6 +515,26 @@ static void join_normals(struct simplification *s, int32_t u, int32_t v)
         add_normal_quadrics(&s->of_normals[pairs[i][1]], &s->of_normals[pairs[i][0]]);
 }
 
+/* Let a vertex share what it stands for with the second half that it got at its place. */
+static void share_vertex(struct simplification *s, int32_t vertex, int32_t half)
+{
+    s->quadrics[vertex] = s->quadrics[half] = scaled_quadric(&s->quadrics[vertex], 0.5);
+    s->mesh.points[vertex][3] = s->mesh.points[half][3] = error_at(
+        &s->quadrics[vertex], vector_at(s->mesh.points[vertex]));
+    for (int64_t pose = 0; pose < s->n_poses; pose++) {
+        double (*points)[4] = posed_points(s, pose);
+        struct quadric *quadrics = posed_quadrics(s, pose);
+        quadrics[vertex] = quadrics[half] = scaled_quadric(&quadrics[vertex], 0.5);
+        points[vertex][3] = error_at(&quadrics[vertex], vector_at(points[vertex]));
+        memcpy(points[half], points[vertex], sizeof *points);
+    }
+    s->n_wedges[half] = s->n_wedges[vertex];
+    s->mesh.is_fixed[half] = false;
+    if (s->places.points != NULL)
+        share_places(&s->mesh, &s->places, s->vertex_ids, vertex, half);
+    update_around(s, half);
+}
+
 /* Make the cheapest collapse; false where none is possible. */
 bool collapse_cheapest(
     struct simplification *s, int32_t *u, double *cost, struct collapse *collapse)
@@ -536,11 +559,18 @@ bool collapse_cheapest(
                 collapse_poses(s, *u, v, may_meet(s, *u, v));
                 if (s->of_normals != NULL)
                     join_normals(s, *u, v);
-                collapse_edge(&s->mesh, *u, v, place, collapse);
+                if (collapse->third >= 0)
+                    cut_loop(&s->mesh, *u, v, place, collapse);
+                else
+                    collapse_edge(&s->mesh, *u, v, place, collapse);
                 if (s->places.points != NULL)
                     join_places(&s->places, s->vertex_ids[*u], s->vertex_ids[v]);
                 s->quadrics[v] = add_quadrics(&s->quadrics[*u], &s->quadrics[v]);
                 s->mesh.points[v][3] = error_at(&s->quadrics[v], place);
+                if (collapse->third >= 0) {
+                    share_vertex(s, v, *u);
+                    share_vertex(s, collapse->third, collapse->third_half);
+                }
                 update_around(s, v);
                 return true;
             }
@@ -655,17 +685,24 @@ static int64_t simplify_from_here(
    Each pose has points of all vertices, one after the other: the error is the sum of those at rest
    and in all poses, so that what bends keeps its edges. They are overwritten.
 
-   Where vertices stay, errors of normals count as well, by their squares times a weight. */
+   Where vertices stay, errors of normals count as well, by their squares times a weight.
+
+   With `copy_of`, each wedge is a vertex, and it says which was the first at its place; where vertices
+   stay, no edge comes to lie on one at the same two places. If it also `may_cut`, the topology may
+   change: vertices that are gone return at places of others. */
 EXPORT int64_t collapse_edges(
     int64_t n_wedges, int64_t n_vertices, int64_t n_faces, int64_t n_uvs, int64_t n_normals,
     int64_t n_posed,
     const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
     OPTIONAL const int32_t uv_rows[n_wedges], OPTIONAL double uvs[n_uvs][2],
     OPTIONAL const int32_t normal_rows[n_wedges], OPTIONAL double normals[n_normals][3],
-    OPTIONAL double posed[n_posed][3], double normal_weight, int64_t n_wanted, bool moves,
-    bool lock_boundary)
+    OPTIONAL double posed[n_posed][3], OPTIONAL int32_t copy_of[n_wedges], double normal_weight,
+    int64_t n_wanted, bool moves, bool lock_boundary, bool may_cut)
 {
     struct simplification s = {
+        .mesh.copy_of = copy_of,
+        .mesh.n_copies = n_wedges,
+        .mesh.may_cut = copy_of != NULL && may_cut,
         .moves = moves,
         .n_normals = n_normals,
         .normal_weight = normals && !moves ? normal_weight : 0.0,

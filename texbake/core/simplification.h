@@ -109,6 +109,11 @@ struct corner_list {
     int32_t count, room;
 };
 
+/* The number of a vertex that is gone, and of its wedge. */
+struct spare_vertex {
+    int32_t vertex, wedge;
+};
+
 /* A vertex is a place. A wedge is what corners at a place share: a mesh with seams has several at
    some vertices, and one without has as many wedges as vertices. Corner 4 f + k is that of face f:
    rows of four numbers seldom lie in two cache lines. */
@@ -125,8 +130,16 @@ struct collapsible_mesh {
     bool *is_fixed;  /* stays, and where it is */
     bool *is_shared; /* used by faces beyond this mesh; such vertices get no new edge between them */
     double least_cosine; /* between the normals of a face before and after */
+    /* Where there may be several vertices at a place, and NULL elsewhere: a wedge that was first at the
+       place of each. Then vertices and wedges are the same, but for their numbers. */
+    int32_t *copy_of;
+    int64_t n_copies;
+    bool may_cut; /* the topology may change, with vertices that are gone as second halves of others */
+    struct spare_vertex *spares;
+    int64_t n_spares;
+    int32_t *twins; /* of each vertex, the next at its place; NULL where they may move apart */
     /* Scratch: */
-    int32_t *marks, mark, *merged;
+    int32_t *marks, mark, *merged, *arcs;
 };
 
 /* Some corners, as a list of their numbers. */
@@ -159,11 +172,13 @@ static inline int steps_to_neighbors(const struct collapsible_mesh *mesh, int32_
     return mesh->kinds[vertex] == INTERIOR && !mesh->is_mixed ? 1 : 2;
 }
 
-/* A collapse that has been looked at: how many faces have the edge, and the wedges that become
-   others. */
+/* A collapse that has been looked at: how many faces have the edge, and the wedges that become others;
+   and where it changes the topology, the third vertex of a loop that is cut, or else -1, what becomes
+   its second half, and whether the part vanishes. */
 struct collapse {
     int n_faces;
-    int32_t wedges_u[2], wedges_v[2];
+    int32_t wedges_u[2], wedges_v[2], third, third_half;
+    bool vanishes;
 };
 
 void prepare_mesh(struct arena *arena, struct collapsible_mesh *mesh);
@@ -173,6 +188,17 @@ bool can_collapse(
 void collapse_edge(
     struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
     const struct collapse *collapse);
+void take_merged(struct collapsible_mesh *mesh, int32_t vertex, int32_t n);
+
+/* surface_surgery.c */
+
+void find_twins(struct arena *arena, struct collapsible_mesh *mesh);
+void leave_twins(struct collapsible_mesh *mesh, int32_t vertex);
+bool doubles_edge(
+    const struct collapsible_mesh *mesh, int32_t v, struct corners of_u, int32_t of_one);
+void cut_loop(
+    struct collapsible_mesh *mesh, int32_t u, int32_t v, struct vector place,
+    struct collapse *collapse);
 
 /* carried_attributes.c */
 
@@ -197,12 +223,15 @@ bool carry_attributes(
 /* Where the vertices were that came together at each, as lists that begin with its own place. */
 struct carried_places {
     double (*points)[3]; /* NULL while nothing is carried */
-    int32_t *next, *last; /* in the list of a place, -1 at its end, and that end */
+    int32_t *first, *last, *next; /* the ends of each list, and what follows in it; -1 for none */
 };
 
 void begin_places(
     struct arena *arena, struct carried_places *places, int64_t n, const double (*points)[3]);
 void join_places(struct carried_places *places, int32_t u, int32_t v);
+void share_places(
+    const struct collapsible_mesh *mesh, struct carried_places *places, const int32_t *vertex_ids,
+    int32_t vertex, int32_t half);
 double distance_of_places(
     const struct collapsible_mesh *mesh, const struct carried_places *places,
     const int32_t *vertex_ids, int32_t u, int32_t v, struct vector meeting);

@@ -56,6 +56,8 @@ class VertexStream:
     poses: FloatArray | None = None  # (P, S, 3) float64: positions on the grid in other poses
     normals: FloatArray | None = None  # (N, 3) float64: of the mesh, where their errors count
     is_smooth: bool = False  # whether there is one normal at each position
+    is_apart: bool = False  # there may be several vertices at a position, without seams
+    keeps_topology: bool = True  # of surfaces; where it does not, they are apart
 
     @property
     def has_seams(self) -> bool:
@@ -90,13 +92,42 @@ class VertexStream:
             kept["poses"] = self.poses[:, used]
         return VertexStream(
             faces, self.points[used], self.position_ids[used], normals=self.normals,
-            is_smooth=self.is_smooth, **kept,
+            is_smooth=self.is_smooth, is_apart=self.is_apart,
+            keeps_topology=self.keeps_topology, **kept,
         )  # fmt: skip
 
 
 def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
     """Stream of the positions alone, each a vertex once, however often the file repeats it."""
     return _weld(mesh, weld_vertices(mesh, threads=threads)[mesh.faces], {}, threads)
+
+
+def with_surfaces_apart(stream: VertexStream, *, opens: bool = False) -> VertexStream:
+    """The stream, if it has no seams, with a vertex for each surface at one position.
+
+    Edges with a face that has no partner of the other winding stay, unless it `opens` them.
+    Kernel: `core/surface_surgery.c`.
+    """
+    for level in (1, 2) if opens else (0,):
+        copies = np.empty_like(stream.faces)
+        if stream.has_seams or not core.separate_surfaces(
+            stream.faces, stream.points, level, copies
+        ):
+            continue
+        rows = np.stack([copies, stream.faces], axis=-1).reshape(-1, 2)
+        pairs, numbers = np.unique(rows, axis=0, return_inverse=True)
+        kept = pairs[:, 1]
+        objects, poses = stream.object_ids, stream.poses
+        stream = replace(
+            stream,
+            faces=numbers.astype(np.int32).reshape(-1, 3),
+            points=stream.points[kept],
+            position_ids=stream.position_ids[kept],
+            object_ids=None if objects is None else objects[kept],
+            poses=None if poses is None else poses[:, kept],
+            is_apart=True,
+        )
+    return stream
 
 
 def weld_corners(mesh: Mesh, *, shades: bool = False, threads: int | None = None) -> VertexStream:
@@ -228,11 +259,20 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
     vertex_of, points = stream.vertices
     faces = with_three_places(stream, stream.faces)
     normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, stream.normals)
+    copy_of = _first_at_each_place(stream)
     n_left = core.collapse_edges(
         vertex_of, points.copy(), faces, None, None, normal_rows, normals, _copied(stream.posed),
-        _SHADING**2, n_faces, False, lock_boundary,
+        copy_of, _SHADING**2, n_faces, False, lock_boundary, not stream.keeps_topology,
     )  # fmt: skip
-    return faces[:n_left]
+    return faces[:n_left] if copy_of is None else copy_of[faces[:n_left]]
+
+
+def _first_at_each_place(stream: VertexStream) -> IntArray | None:
+    """(S,) int32 first vertex at the position of each, where there may be several."""
+    if not stream.is_apart:
+        return None
+    _, firsts, numbers = np.unique(stream.position_ids, return_index=True, return_inverse=True)
+    return firsts[numbers.ravel()].astype(np.int32)
 
 
 def _copied(posed: FloatArray | None) -> FloatArray | None:
@@ -255,7 +295,7 @@ def move_and_collapse(
     normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, mesh.normals)
     n_left = core.collapse_edges(
         vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, _copied(stream.posed),
-        0.0, n_faces, True, lock_boundary,
+        _first_at_each_place(stream), 0.0, n_faces, True, lock_boundary, not stream.keeps_topology,
     )  # fmt: skip
     faces = faces[:n_left]
     positions = np.empty_like(points)

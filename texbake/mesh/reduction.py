@@ -4,9 +4,7 @@
 least; it is compared with `fast` by measured distance, and the closer of the two is returned.
 
 Based on: Michael Garland, Paul Heckbert, "Surface simplification using quadric error metrics",
-SIGGRAPH 1997; Jarek Rossignac, Paul Borrel, "Multi-resolution 3D approximations for rendering
-complex scenes", Modeling in Computer Graphics 1993 (clusters of vertices, where the topology must
-be given up).
+SIGGRAPH 1997.
 """
 
 from __future__ import annotations
@@ -17,7 +15,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import MeshError
 from texbake.mesh.compose import face_fields
@@ -29,11 +26,11 @@ from texbake.mesh.decimate import (
     move_and_collapse,
     weld_corners,
     weld_positions,
-    with_three_places,
+    with_surfaces_apart,
     without_small_parts,
 )
 from texbake.mesh.deformation import Deformation, Morph
-from texbake.mesh.distance import SurfaceDistance, rms_distance
+from texbake.mesh.distance import SurfaceDistance, sampled_distance
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
@@ -45,7 +42,6 @@ from texbake.mesh.triangle_tree import (
     with_nearest_groups,
     with_nearest_motion,
 )
-from texbake.mesh.weld import later_copies, unique_rows
 from texbake.records import dataclass
 
 _GIVEN_UP = "too few faces to keep the"
@@ -56,8 +52,8 @@ _DROPPED = "small separate parts were dropped"
 SLACK = 0.01
 _TRIES = 6
 
-_MOST_CELLS = 1 << 20  # a side of the grid that clusters vertices
 _COMPARED = 20_000  # samples; the RMS distance is good to about a hundredth
+_NO_DISTANCE = 1e-12  # share of the diagonal; smaller distances are rounding errors
 
 # Share of the requested faces that an attempt must leave, or else further attempts are made.
 _ENOUGH = 0.75
@@ -65,8 +61,11 @@ _ENOUGH = 0.75
 # An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
 _ABOUT_AS_CLOSE = 1.5
 
-_COLLAPSES, CLUSTERS = "collapsed edges", "clustered vertices"
-_JOINED = "its topology was given up: vertices were joined in clusters"
+_COLLAPSES = "collapsed edges"
+
+# Notes on what becomes of edges of three or more faces where they are in the way.
+APART = "surfaces that touch were taken apart"
+CUT = "its topology was given up: surfaces were cut through at necks and tunnels"
 
 
 @dataclass(frozen=True)
@@ -154,8 +153,6 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
     if n_left >= (1.0 - SLACK) * n_faces:
         return None
     reason = "faces that came to lie on one another were dropped"
-    if result.method == CLUSTERS:
-        reason = "a finer grid of clusters would leave too many"
     return f"{n_left} of the {n_faces} requested faces are left: {reason}"
 
 
@@ -171,12 +168,15 @@ def _fast(mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int |
         if low is None:
             continue
         results.append(Reduction(low, stream, method, notes, gave_up=bool(notes)))
-        if not notes and _ENOUGH * n_faces <= low.n_faces <= n_faces:
-            return results[-1]
+        if _ENOUGH * n_faces <= low.n_faces <= n_faces:
+            if not notes and not _has_bad_edges(stream):
+                return results[-1]
+            if notes in ((), (APART,)) and stream.is_apart:
+                break
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
     if len(reached) < 2:
         return min(results, key=lambda result: result.mesh.n_faces)
-    distances = [_compared_distance(mesh, result.mesh, threads) for result in reached]
+    distances = [_compared_distance(mesh, result.mesh, threads)[0] for result in reached]
     good = _ABOUT_AS_CLOSE * min(distances)
     return next(
         result for result, distance in zip(reached, distances, strict=True) if distance <= good
@@ -189,13 +189,14 @@ def _gathered(
     return gather(mesh, stream, reduce(n_faces))
 
 
-def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> float:
-    """RMS distance between two meshes, at rest and in the poses of the first."""
+def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> tuple[float, float]:
+    """RMS and greatest distance between two meshes, at rest and in the poses of the first."""
     pairs = zip(_in_poses(mesh, mesh, threads), _in_poses(low, mesh, threads), strict=True)
     distances = [
-        rms_distance(one, other, n_samples=_COMPARED, threads=threads) for one, other in pairs
+        sampled_distance(one, other, n_samples=_COMPARED, threads=threads) for one, other in pairs
     ]
-    return math.sqrt(math.fsum(each * each for each in distances) / len(distances))
+    squares = math.fsum(rms * rms for rms, _ in distances)
+    return math.sqrt(squares / len(distances)), max(most for _, most in distances)
 
 
 def _in_poses(mesh: Mesh, source: Mesh, threads: int | None) -> list[Mesh]:
@@ -238,6 +239,9 @@ def _attempts(
         if boundary_fits(stream, n_faces):
             yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
         yield stream, partial(collapse_stream, stream), _COLLAPSES, notes
+        if _has_bad_edges(stream):
+            apart = with_surfaces_apart(stream)
+            yield apart, partial(collapse_stream, apart), _COLLAPSES, (*notes, APART)
         for large in without_small_parts(stream, n_faces) if drops else ():
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
         given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
@@ -250,48 +254,17 @@ def _attempts(
         if seams != "keep":
             smooth = smooth.replace(uvs=None, uv_faces=None)
         stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)
-    edges = find_edges(stream.position_ids[stream.faces])
-    if edges.non_manifold.any() and not stream.has_seams:
-        yield stream, partial(_cluster_stream, stream), CLUSTERS, (*notes, _JOINED)
+    if _has_bad_edges(stream):
+        cut = replace(with_surfaces_apart(stream, opens=True), keeps_topology=False)
+        yield cut, partial(collapse_stream, cut), _COLLAPSES, (*notes, CUT)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
 
 
-def _cluster_stream(stream: VertexStream, n_faces: int) -> IntArray:
-    """Join vertices in cells of a grid, at the nearest to their mean, for `n_faces` at most."""
-    low = stream.points.min(axis=0)
-    extent = float((stream.points.max(axis=0) - low).max())
-    least, most = 1, _MOST_CELLS
-    best = stream.faces[:0]
-    while least <= most:
-        n_cells = (least + most) // 2
-        cells = ((stream.points - low) * (n_cells / extent if extent > 0.0 else 0.0)).astype(
-            np.int64
-        )
-        cells = np.minimum(cells, n_cells - 1)
-        _, cell_of = np.unique(
-            (cells[:, 0] << 40) | (cells[:, 1] << 20) | cells[:, 2], return_inverse=True
-        )
-        if stream.object_ids is not None:
-            both = np.stack([cell_of.ravel(), stream.object_ids], axis=1)
-            cell_of = unique_rows(both)[1].astype(np.intp)
-        faces = _clustered(stream, cell_of.ravel())
-        if len(faces) <= n_faces:
-            best, least = faces, n_cells + 1
-        else:
-            most = n_cells - 1
-    return best
-
-
-def _clustered(stream: VertexStream, cell_of: npt.NDArray[np.intp]) -> IntArray:
-    """Faces between the vertices that stand for cells, each once."""
-    counts = np.bincount(cell_of)
-    sums = [np.bincount(cell_of, stream.points[:, axis]) for axis in range(3)]
-    means = np.stack(sums, axis=1) / counts[:, None]
-    distances = ((stream.points - means[cell_of]) ** 2).sum(axis=1)
-    order = np.lexsort((distances, cell_of))
-    kept = order[np.cumsum(counts) - counts].astype(np.int32)
-    faces = with_three_places(stream, kept[cell_of[stream.faces]])
-    return faces[~later_copies(np.sort(stream.position_ids[faces], axis=1))]
+def _has_bad_edges(stream: VertexStream) -> bool:
+    """Whether edges of more than two faces hinder collapses, and could be taken apart."""
+    if stream.has_seams or stream.is_apart:
+        return False
+    return bool(find_edges(stream.position_ids[stream.faces]).non_manifold.any())
 
 
 def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:
@@ -321,7 +294,7 @@ def _seams(stream: VertexStream) -> str:
 
 def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Mesh | None:
     """The mesh with vertices moved to where the error is least."""
-    if start.uv_ids is None and start.normal_ids is None:
+    if start.uv_ids is None and start.normal_ids is None and not start.is_apart:
         # Borders of groups do not hinder here: a face gets its group back from the nearest point.
         welded = gather(mesh, start, start.faces)
         if welded is None:
@@ -338,11 +311,14 @@ def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Red
     low = _moved(mesh, start, n_faces, threads)
     if low is None:
         return fast
-    given_up = tuple(note for note in fast.notes if note != _JOINED)
-    moved_result = Reduction(low, start, "moved vertices", given_up, gave_up=bool(given_up))
+    moved_result = replace(fast, mesh=low, method="moved vertices")
 
     def order(result: Reduction) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)
-        return beyond, _compared_distance(mesh, result.mesh, threads)
+        rms, most = (
+            max(distance, _NO_DISTANCE * mesh.diagonal)
+            for distance in _compared_distance(mesh, result.mesh, threads)
+        )
+        return beyond, rms * rms * most
 
     return min((fast, moved_result), key=order)
