@@ -62,9 +62,7 @@ def test_an_export_takes_levels_of_one_layout_and_no_others(tmp_path, finest, ba
     level = simplify(finest, 300, seams="keep")
     assert export_asset(finest, {}, tmp_path / "good", WEB, levels=[level]).mesh.exists()
     other = unwrap(simplify(bare, 300), ATLAS).replace(name="other.obj")
-    with pytest.raises(
-        UvError, match=r"other\.obj: .* laid out differently .* lod0\.obj"
-    ) as caught:
+    with pytest.raises(UvError, match=r"other\.obj: .* laid out differently .* lod0") as caught:
         export_asset(finest, {}, tmp_path / "bad", WEB, levels=[level, other])
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "bad").exists()
