@@ -109,9 +109,7 @@ def test_misses_take_the_closest_point(samples):
 
 def test_the_closest_point_faces_the_ray():
     low = plane()
-    near = low.replace(
-        positions=low.positions + np.array([0.0, 0.0, 0.2]), faces=low.faces[:, ::-1]
-    )
+    near = low.replace(positions=low.positions + np.array([0, 0, 0.2]), faces=low.faces[:, ::-1])
     far = low.positions - [0.0, 0.0, 0.5]
     high = Mesh(
         positions=np.concatenate([near.positions, far]),
@@ -322,9 +320,7 @@ def test_mirrored_halves_that_share_texels_are_both_right(tile, baked):
         bitangent = tangents[0, 3] * np.cross([0.0, 0.0, 1.0], tangents[0, :3])
         found = values @ np.stack([tangents[0, :3], bitangent, [0.0, 0.0, 1.0]])
         along = -0.35 * side * np.cos(7.0 * x) * np.cos(5.0 * y)
-        wanted = np.stack(
-            [along, 0.25 * np.sin(7.0 * x) * np.sin(5.0 * y), np.ones_like(x)], axis=1
-        )
+        wanted = np.stack([along, 0.25 * np.sin(7.0 * x) * np.sin(5.0 * y), np.ones_like(x)], 1)
         wanted /= np.linalg.norm(wanted, axis=1)[:, None]
         # Smooth normals of cells of 1/128 differ from the formula by less than 1/100.
         assert np.abs(found - wanted)[x > 0.02].max() < 0.01

@@ -184,9 +184,7 @@ def textured(tmp_path, pixels, *, channel="base-color", factor=(1.0, 1.0, 1.0), 
     mesh = plane(4, 4)
     image = ChannelImage(data=image_bytes(tmp_path, pixels), **changes)
     material = MeshMaterial(name="a", channels={channel: ChannelSource(factor, image)})
-    return mesh, Materials(
-        face_materials=np.zeros(mesh.n_faces, dtype=np.int32), materials=(material,)
-    )
+    return mesh, Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(material,))
 
 
 def test_a_linear_ramp_is_interpolated_in_linear_light(tmp_path):
@@ -249,9 +247,7 @@ def test_opacity_has_holes_in_its_padding_and_a_fixed_number_of_samples():
 
 
 def test_the_page_of_the_maps_has_a_row_for_each():
-    page = (Path(__file__).parents[2] / "docs" / "reference" / "maps.md").read_text(
-        encoding="utf-8"
-    )
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "maps.md").read_text("utf-8")
     rows = [line.split("`")[1] for line in page.splitlines() if line.startswith("| `")]
     assert rows == list(MAP_NAMES)
     channels = [line.split("|")[2].strip() for line in page.splitlines() if line.startswith("| `")]

@@ -12,9 +12,7 @@ from texbake.mesh.shapes import cube, icosphere, plane
 
 
 def stacked(mesh):
-    return with_coordinates(
-        mesh, np.tile([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]], (mesh.n_faces, 1, 1))
-    )
+    return with_coordinates(mesh, np.tile([[0.0, 0], [0.5, 0], [0, 0.5]], (mesh.n_faces, 1, 1)))
 
 
 def test_charts_keep_their_shapes_and_sizes():

@@ -12,9 +12,7 @@ from texbake.mesh.triangle_tree import TriangleTree
 
 
 def test_shifted_plane():
-    distance = surface_distance(
-        plane(3, 2), moved(plane(1, 5), by=[0.0, 0.0, 0.25]), n_samples=1000
-    )
+    distance = surface_distance(plane(3, 2), moved(plane(1, 5), by=[0, 0, 0.25]), n_samples=1000)
     for side in (distance.a_to_b, distance.b_to_a):
         # A power of two, through powers of two: nothing rounds but the mean of squares.
         assert (side.max, side.mean, side.p99) == (0.25, 0.25, 0.25)
@@ -85,9 +83,7 @@ def test_few_points_find_the_same_distances_with_runs_of_faces(is_shuffled):
 
 
 def test_unused_vertices_do_not_count_and_meshes_may_lack_size_or_area():
-    stray = Mesh(
-        positions=np.concatenate([plane().positions, [[9.0, 9.0, 9.0]]]), faces=plane().faces
-    )
+    stray = Mesh(positions=np.concatenate([plane().positions, [[9.0, 9, 9]]]), faces=plane().faces)
     distance = surface_distance(stray, plane(), n_samples=100)
     assert distance.max < 1e-15
     assert distance.diagonal == pytest.approx(np.sqrt(2.0), rel=1e-15)

@@ -78,9 +78,7 @@ def test_copies_are_found_wherever_they_lie_and_brought_back():
 def test_parts_of_another_shape_or_look_are_no_copies(other, given):
     moved = transformed(other, MOTIONS["moved"])
     assert repeated([egg(), moved], **given)[2].n_shared == 0
-    whole_tiles = transformed(
-        egg().replace(uvs=egg().uvs + np.array([2.0, -1.0])), MOTIONS["moved"]
-    )
+    whole_tiles = transformed(egg().replace(uvs=egg().uvs + np.array([2.0, -1])), MOTIONS["moved"])
     assert repeated([egg(), whole_tiles])[2].n_shared == 1
 
 

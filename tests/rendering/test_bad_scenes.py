@@ -27,9 +27,7 @@ EVERYTHING = Lighting(
     lights=(
         Light(direction=(-1, -2, -3), shadow=Shadow(size=64)),
         Light(kind="point", position=(1.0, 2.0, 2.0), shadow=Shadow(size=32)),
-        Light(
-            kind="spot", position=(2.0, 2.0, 2.0), direction=(-1, -1, -1), shadow=Shadow(size=64)
-        ),
+        Light(kind="spot", position=(2.0, 2, 2), direction=(-1, -1, -1), shadow=Shadow(size=64)),
     ),
     ambient=Ambient(color=(0.1, 0.1, 0.1), ground=(0.2, 0.1, 0.0)),
     environment=Environment(color=(0.5, 0.6, 0.7), lighting=True, size=8),

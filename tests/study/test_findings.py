@@ -37,9 +37,7 @@ def test_between_two_settings_error_falls_as_a_power_of_time():
     assert speedups(result(baseline="")) == []
 
 
-times_and_errors = st.lists(
-    st.tuples(st.floats(0.001, 1000.0), st.floats(0.0, 1000.0)), max_size=30
-)
+times_and_errors = st.lists(st.tuples(st.floats(0.001, 1000), st.floats(0.0, 1000)), max_size=30)
 
 
 @given(times_and_errors)

@@ -30,9 +30,7 @@ def test_it_agrees_with_trying_all_owners_and_counts_what_two_charts_reach(chart
     near = distances <= padding**2
     reached = near.any(axis=2)
     np.testing.assert_array_equal(owners.indices >= 0, reached)
-    n_charts = sum(
-        near[..., chart_ids[rows, columns] == i].any(axis=2).astype(int) for i in range(3)
-    )
+    n_charts = sum(near[..., chart_ids[rows, columns] == i].any(2).astype(int) for i in range(3))
     assert owners.n_meeting == int(((n_charts >= 2) & (chart_ids < 0)).sum())
     if len(rows) == 0:
         return

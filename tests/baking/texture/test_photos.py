@@ -253,9 +253,7 @@ def test_a_photograph_counts_by_the_area_that_it_gives_a_face():
 def test_the_number_of_threads_changes_no_byte():
     sphere = uv_sphere(16, 24)
     image = np.random.default_rng(0).random((50, 70, 3), dtype=np.float32)
-    photos = [
-        Photo(image=image, camera=dataclasses.replace(FRONT, fov=fov)) for fov in (20.0, 70.0)
-    ]
+    photos = [Photo(image=image, camera=dataclasses.replace(FRONT, fov=fov)) for fov in (20.0, 70)]
     photos.append(Photo(image=image, mapped=sphere))
     bakes = [
         bake_photos(sphere, photos, PhotoOptions(size=128, threads=threads)) for threads in (1, 3)

@@ -82,9 +82,7 @@ def _inside_glass(index):
 
 def _light_at(position, kind="point"):
     def make():
-        light = Light(
-            kind=kind, position=position, direction=(1.0, 0.0, 0.0), shadow=Shadow(size=32)
-        )
+        light = Light(kind=kind, position=position, direction=(1.0, 0, 0), shadow=Shadow(size=32))
         return scene(SceneObject(mesh=floor()), lights=(light,))
 
     return make
