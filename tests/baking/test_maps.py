@@ -59,7 +59,7 @@ def test_a_flat_position_is_exact():
 # Curvature
 
 
-def test_a_sphere_bends_by_one_over_its_radius():
+def test_a_sphere_bends_by_one_over_its_radius_and_convexity_and_concavity_are_halves():
     radius = 4.0
     high = uv_sphere(96, 192).replace(positions=radius * uv_sphere(96, 192).positions)
     low = uv_sphere(12, 24).replace(positions=radius * uv_sphere(12, 24).positions)
@@ -70,9 +70,6 @@ def test_a_sphere_bends_by_one_over_its_radius():
     assert np.median(found) == pytest.approx(1.0 / radius, rel=1e-3)
     assert np.array_equal(maps["convexity"].values, maps["curvature"].values)
     assert not maps["concavity"].values.any()
-
-
-def test_convexity_and_concavity_are_the_halves_of_curvature():
     high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
     maps = baked(high, "curvature", "convexity", "concavity")
     values = {name: item.values for name, item in maps.items()}
@@ -120,13 +117,10 @@ def test_colors_of_ids_are_all_different(n):
     assert len(np.unique(colors, axis=0)) == n + 1
 
 
-def test_a_mesh_without_groups_has_one_id():
+def test_a_mesh_without_groups_has_one_id_and_material_ids_differ_from_group_ids():
     item = baked(plane(), "object-id")["object-id"]
     assert item.legend == ("plane",)
     assert (item.values == 1.0).all()
-
-
-def test_material_ids_differ_from_group_ids():
     high = halves()
     ids = (high.positions[high.faces].mean(axis=1)[:, 1] > 0.5).astype(np.int32)
     above = MeshMaterial(name="above", channels={"base-color": ChannelSource((0.5, 0.0, 1.0))})

@@ -154,7 +154,7 @@ def test_cavities_and_thin_walls_are_kept_and_narrow_cavities_filled():
     assert (report.n_components, report.n_cavities_kept) == (1, 0)
 
 
-def test_cavities_stay_with_their_parts():
+def test_cavities_stay_with_their_parts_and_survive_simplification():
     hollow, _, unit = HOLLOW["ball"]
     small = moved(hollow, scale=0.6, by=(2, 0, 0))
     inner = moved(BALL, scale=0.3)
@@ -166,9 +166,6 @@ def test_cavities_stay_with_their_parts():
     ):
         result = wrapped(both, resolution=96, components=components, keep_interior=True)
         assert by_volume(result) == pytest.approx(unit * np.array(shares), rel=0.02)
-
-
-def test_cavities_survive_simplification():
     mesh, volumes, unit = HOLLOW["ball"]
     result = wrapped(mesh, keep_interior=True, n_faces=600)
     assert 580 <= result.n_faces <= 600
@@ -250,12 +247,9 @@ def test_colors_and_groups_come_from_the_nearest_points():
     assert (result.face_groups[above] == 1).all()
 
 
-def test_tunnels_that_need_more_faces_are_an_error():
+def test_wrong_options_and_meshes_and_too_few_faces_are_refused():
     with pytest.raises(MeshError, match=r"4 triangles cannot be reached, .* `close`"):
         wrapped(make("torus"), n_faces=4)
-
-
-def test_wrong_options_and_meshes_are_refused():
     for close in ("wide", "-1%", "nan", -0.5):
         with pytest.raises(OptionError, match=r"close: .* is not a width"):
             RemeshOptions(close=close)

@@ -89,7 +89,7 @@ def test_sample_steps_of_a_stretched_plane():
     )
 
 
-def test_wrong_input_is_one_clear_error():
+def test_wrong_input_and_a_mesh_too_small_to_be_scaled_are_one_clear_error():
     bare = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]], name="a.obj")
     with pytest.raises(UvError, match=r"a\.obj: it has no texture coordinates"):
         bake_solid(bare)
@@ -103,9 +103,6 @@ def test_wrong_input_is_one_clear_error():
         name = next(iter(wrong)).replace("parameters", "speed")
         with pytest.raises(OptionError, match=name):
             SolidOptions(**wrong)
-
-
-def test_a_mesh_too_small_to_be_scaled_is_refused():
     tiny = plane()
     tiny = tiny.replace(positions=tiny.positions * 1e-310)
     with pytest.raises(MeshError, match="too small for a procedure; scale it up"):
