@@ -55,8 +55,8 @@ from texbake.progress import Stages
 from texbake.records import dataclass
 
 # Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
-# more than a factor of `_GOOD_ROOM`: charts need not stay apart for a stretch that nobody sees.
-_GOOD_STRETCH = 1.03
+# more than a factor of `_GOOD_ROOM`, or to `_GOOD_LEAST`, which nobody sees.
+_GOOD_LEAST, _GOOD_STRETCH = 1.005, 1.03
 _GOOD_ROOM = 1.5
 _HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller before they are joined
 _BEST_STRETCH = 1.09
@@ -317,7 +317,8 @@ def _connected_charts(
 
 def _weights(surface: ChartSurface, options: UnwrapOptions, stages: Stages) -> FloatArray:
     with stages.stage("weigh edges"):
-        return edge_weights(surface, hide=options.hide_seams)
+        whole = options.quality != "fast"  # which joins no pieces of planes
+        return edge_weights(surface, hide=options.hide_seams, keep_planes=whole)
 
 
 def _cut(
@@ -380,7 +381,7 @@ def _improved(
     allowed = _BEST_STRETCH
     if options.quality == "good":
         room = _GOOD_ROOM if halves is None else _HALVES_ROOM
-        allowed = min(1.0 + room * (as_cut - 1.0), _GOOD_STRETCH)
+        allowed = min(max(1.0 + room * (as_cut - 1.0), _GOOD_LEAST), _GOOD_STRETCH)
     pairs = None if halves is None else partial(find_counterparts, surface=surface, halves=halves)
     with stages.stage("join charts"):
         charts = join_charts(

@@ -1,7 +1,8 @@
 """Costs of seams per unit of length: low along edges where a seam is hard to see.
 
-Seams cost little along hard edges, and where little ambient light comes, as in creases, below chins
-and between fingers. No seam runs within a polygon. Rays from a sample of the vertices measure how
+Seams cost little along hard edges, beveled or not, and where little ambient light comes, as in
+creases, below chins and between fingers. They cost much within planes, and none runs within a
+polygon. Rays from a sample of the vertices measure how
 open their surroundings are; other vertices get the mean of those nearby.
 """
 
@@ -10,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.mapping.atlas.bevels import beveled_angles
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
@@ -18,6 +20,7 @@ from texbake.raycast.scene import RayScene
 
 # Weight of a hard edge, and of the angles, in degrees, at which edges begin to be hard and are.
 _HARD = 0.3
+_FLAT = 3.0  # weight of an edge within a plane
 _SOFT_ANGLE, _HARD_ANGLE = 25.0, 50.0
 
 # Rays per vertex, every how many vertices cast rays, and how many do at most. In each round, all
@@ -31,17 +34,22 @@ _EXPONENT = 6.0
 _HIDDEN, _OPEN = 0.1, 4.0
 
 
-def edge_weights(surface: ChartSurface, *, hide: float = 0.0) -> FloatArray:
+def edge_weights(
+    surface: ChartSurface, *, hide: float = 0.0, keep_planes: bool = True
+) -> FloatArray:
     """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons.
 
-    `hide`: influence of openness, 0 to 1.
+    `hide`: influence of openness, 0 to 1; `keep_planes`: make seams within planes dear.
     """
     corners, solid, opposite = surface.joints
     weights = np.ones(len(opposite))
     edges = np.flatnonzero(opposite >= 0).astype(np.int32)
     angles = _angles(surface.points, corners, edges // 3, opposite[edges] // 3)
+    angles, flat = beveled_angles(surface.points, corners, edges, opposite[edges], angles)
     hard = np.clip((angles - _SOFT_ANGLE) / (_HARD_ANGLE - _SOFT_ANGLE), 0.0, 1.0)
     weights[edges] = 1.0 - (1.0 - _HARD) * hard
+    if keep_planes:
+        weights[edges[flat]] = _FLAT
     if hide > 0.0 and len(edges):
         openness = _openness(surface, corners, solid)
         ends = corners.ravel(), np.roll(corners, -1, axis=1).ravel()

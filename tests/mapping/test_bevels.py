@@ -1,0 +1,96 @@
+"""Bevels: where they count as hard edges, and planes that seams leave whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from texbake.mapping.atlas.bevels import beveled_angles
+from texbake.mapping.atlas.cutting.cut import surface_of
+from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.seams import seam_edges
+from texbake.mapping.unwrap import unwrap
+from texbake.mesh.mesh import Mesh
+from texbake.mesh.shapes import icosphere, plane
+from texbake.study.bench.beveled_box import beveled_box
+
+
+def angles_of(mesh):
+    """Half-edges with neighbors, the angles at them before and after, and which lie in planes."""
+    surface = surface_of(mesh)
+    corners, _, opposite = surface.joints
+    edges = np.flatnonzero(opposite >= 0).astype(np.int32)
+    a, b, c = (surface.points[corners[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    cosines = (normals[edges // 3] * normals[opposite[edges] // 3]).sum(axis=1)
+    plain = np.degrees(np.arccos(np.clip(cosines, -1.0, 1.0)))
+    found, is_flat = beveled_angles(surface.points, corners, edges, opposite[edges], plain)
+    return edges, plain, found, is_flat
+
+
+def rounded_prism(radius, n_segments):
+    """The walls of a prism over a square with sides of 1, its corners rounded."""
+    turns = np.linspace(0.0, np.pi / 2.0, n_segments + 1)
+    inner = 0.5 - radius
+    outline = np.concatenate(
+        [
+            np.stack(
+                [inner * x + radius * np.cos(t + turns), inner * y + radius * np.sin(t + turns)]
+            )
+            for t, x, y in zip(
+                np.arange(4) * np.pi / 2.0, (1, -1, -1, 1), (1, 1, -1, -1), strict=True
+            )
+        ],
+        axis=1,
+    ).T
+    n = len(outline)
+    points = np.concatenate([np.insert(outline, 2, height, axis=1) for height in (0.0, 1.0)])
+    low, next_low = np.arange(n), (np.arange(n) + 1) % n
+    faces = [(low, next_low, next_low + n), (low, next_low + n, low + n)]
+    return Mesh(
+        positions=points,
+        faces=np.concatenate([np.stack(each, axis=1) for each in faces]).astype(np.int32),
+        name="prism",
+    )
+
+
+@pytest.mark.parametrize("n_segments", [1, 2, 3, 6])
+def test_a_bevel_is_one_hard_edge(n_segments):
+    mesh = rounded_prism(0.04, n_segments)
+    edges, plain, found, is_flat = angles_of(mesh)
+    changed = found > plain + 1.0
+    assert np.count_nonzero(changed) == 8  # the half-edges of one row at each of four corners
+    assert np.allclose(found[changed], 90.0, atol=0.1)
+    assert (found >= plain).all()
+    weights = edge_weights(surface_of(mesh)).ravel()
+    assert np.allclose(weights[edges[changed]], 0.3)
+    assert (weights[edges[is_flat]] == 3.0).all()
+
+
+def test_wide_fillets_and_round_surfaces_have_no_bevels():
+    for mesh in (rounded_prism(0.3, 8), icosphere(5)):
+        _, plain, found, _ = angles_of(mesh)
+        assert np.array_equal(found, plain)
+    *_, is_flat = angles_of(icosphere(7))  # neighbors turn by less than a degree
+    assert not is_flat.any()
+
+
+def test_the_size_of_a_model_changes_no_bevel():
+    for mesh in (rounded_prism(0.04, 3), beveled_box(2_000)):
+        scaled = mesh.replace(positions=mesh.positions * 300.0 + 17.0)
+        small, large = (angles_of(each)[2] for each in (mesh, scaled))
+        assert np.allclose(small, large, atol=0.1)
+
+
+def test_seams_leave_the_planes_of_a_beveled_box_whole():
+    mesh = beveled_box(3_000)
+    cut = seam_edges(unwrap(mesh))
+    ends = mesh.positions[np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2)[cut]]
+    middles = np.sort(np.abs(ends.mean(axis=1)), axis=1)
+    assert len(ends) and not ((middles[:, 2] > 0.5 - 1e-9) & (middles[:, 1] < 0.41)).any()
+
+
+def test_a_plane_is_flat_as_a_whole():
+    _, _, found, is_flat = angles_of(plane(6, 6))
+    assert is_flat.all() and np.allclose(found, 0.0)

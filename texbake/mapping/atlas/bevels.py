@@ -1,0 +1,110 @@
+"""Bevels: narrow faces that turn a hard edge over several soft ones.
+
+Coplanar neighbors form a region. Narrow regions count as rounded margins of a wide one next to
+them, as long as they turn little away from it. Where a margin meets a region that turns more, the
+edge is as hard as one between the wide regions on both sides.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from texbake.core import portable_math as pm
+from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.seams import merged_labels
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+
+# Neighbors that turn by less, in degrees, are coplanar.
+_COPLANAR = 1.0
+# Least length of the mean normal of a planar region: a dense sphere has coplanar neighbors, too.
+_PLANAR = 0.999
+# Least width of a plane that is kept whole, in sides of a square as large as the surface.
+_WIDE = 0.02
+# Most width of a region in the margin of another, most width of a margin, in widths of the other,
+# and most angle between their normals, in degrees.
+_NARROW, _MARGIN, _TURN = 0.25, 0.2, 60.0
+_MOST_REGIONS = 8  # of a margin, from the wide region outwards
+
+
+def beveled_angles(
+    points: FloatArray, corners: IntArray, edges: IntArray, across: IntArray, angles: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Angles of edges; at the end of the margin of a wide region, at least that to this region.
+
+    Also returns which edges lie within a plane that is wide enough to be kept whole.
+
+    `edges`, `across` (k,) int32: half-edges and their opposites; `angles` (k,): between the normals
+    of their faces, in degrees.
+    """
+    one, other = edges // 3, across // 3
+    flat = angles < _COPLANAR
+    labels = merged_labels(len(corners), one[flat], other[flat])
+    first, second = labels[one[~flat]], labels[other[~flat]]
+    sizes = np.bincount(labels, surface_areas(points[corners]), minlength=len(labels))
+    areas = np.asarray(sizes, dtype=np.float64)
+    widths = 2.0 * areas / _perimeters(points, corners, labels, edges[flat])
+    normals = _normals(points, corners, labels)
+    is_planar = pm.norm(normals, axis=1) >= 2.0 * _PLANAR * areas
+    is_wide = is_planar & (widths >= _WIDE * math.sqrt(float(areas.sum())))
+    owners = _owners(first, second, areas, np.where(is_planar, widths, 0.0), normals)
+    ends = owners[first], owners[second]
+    meet = np.flatnonzero((ends[0] != ends[1]) & ((ends[0] != first) | (ends[1] != second)))
+    between = _degrees(normals[ends[0][meet]], normals[ends[1][meet]])
+    found = angles.copy()
+    places = np.flatnonzero(~flat)[meet]
+    found[places] = np.maximum(found[places], np.where(between > _TURN, between, 0.0))
+    return found, flat & is_wide[labels[one]]
+
+
+def _perimeters(
+    points: FloatArray, corners: IntArray, labels: IntArray, within: IntArray
+) -> FloatArray:
+    """(F,) length of the border of each region; `within`: half-edges inside regions."""
+    ends = points[corners] - points[np.roll(corners, -1, axis=1)]
+    lengths = pm.norm(ends.reshape(-1, 3), axis=1)
+    lengths[within] = 0.0
+    sums = np.bincount(np.repeat(labels, 3), lengths, minlength=len(labels))
+    return np.where(sums > 0.0, sums, np.inf)
+
+
+def _normals(points: FloatArray, corners: IntArray, labels: IntArray) -> FloatArray:
+    """(F, 3) mean normals of regions, weighted by area and not normalized."""
+    a, b, c = (points[corners[:, i]] for i in range(3))
+    crosses = np.cross(b - a, c - a)
+    sums = [np.bincount(labels, crosses[:, axis], minlength=len(labels)) for axis in range(3)]
+    return np.stack(sums, axis=1)
+
+
+def _degrees(normals: FloatArray, others: FloatArray) -> FloatArray:
+    crosses = pm.norm(np.cross(normals, others), axis=1)
+    return np.asarray(np.degrees(pm.arctan2(crosses, (normals * others).sum(axis=1))))
+
+
+def _owners(
+    first: IntArray, second: IntArray, areas: FloatArray, widths: FloatArray, normals: FloatArray
+) -> IntArray:
+    """(F,) the region whose margin each region is in, or itself.
+
+    `first`, `second`: neighboring regions, in both orders. The largest owner takes a region.
+    """
+    owners = np.arange(len(areas), dtype=np.int32)
+    spans = np.zeros(len(areas))  # from the owner to the far side of a region
+    reached = np.ones(len(areas), dtype=np.bool_)
+    for _ in range(_MOST_REGIONS):
+        free = owners[second] == second
+        owner = owners[first]
+        span = spans[first] + widths[second]
+        fits = free & reached[first] & (owner != second) & (span <= _MARGIN * widths[owner])
+        fits &= widths[second] <= _NARROW * widths[owner]
+        near = np.flatnonzero(fits)
+        near = near[_degrees(normals[owner[near]], normals[second[near]]) <= _TURN]
+        if not len(near):
+            break
+        near = near[np.lexsort((owner[near], -areas[owner[near]], second[near]))]
+        taken, places = np.unique(second[near], return_index=True)
+        owners[taken], spans[taken] = owner[near[places]], span[near[places]]
+        reached[:] = False
+        reached[taken] = True
+    return owners
