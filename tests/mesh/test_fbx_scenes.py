@@ -8,7 +8,7 @@ import pytest
 from tests.fbx_writer import CM, moving_scene, properties, scene, written
 from tests.glb import read_glb
 from tests.models import REAL, real
-from texbake.mesh.files.fbx_animations import Animation, Layer, Shape, Track
+from texbake.mesh.files.fbx_animations import Animation, Layer, Shape, Track, full_weights
 from texbake.mesh.files.fbx_cameras import read_camera
 from texbake.mesh.files.fbx_curves import Curve, read_curve
 from texbake.mesh.files.fbx_nodes import Node
@@ -226,6 +226,15 @@ def test_shapes_in_between_take_turns():
     np.testing.assert_allclose(weights, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "percents", [[50.0, 50.0], [0.0, 100.0], [1e-300, 1.0], [np.nan, 1.0], [9.0]]
+)
+def test_shapes_whose_weights_are_damaged_are_spread_evenly(percents):
+    fields = [Node("FullWeights", percents, [])]
+    channel = FbxObject(1, "lift", "BlendShapeChannel", Node("Deformer", [], fields))
+    assert full_weights(channel, 2).tolist() == [0.5, 1.0]
+
+
 def test_an_in_between_shape_is_a_morph_target_of_its_own(tmp_path):
     nodes = moving_scene()
     half = [("Indexes", [np.array([0], np.int32)], []), ("Vertices", [np.array([0.0, 4, 0])], [])]
@@ -268,6 +277,16 @@ def test_layers_give_what_maya_has_evaluated(name):
             else:
                 wanted = known[path]
             np.testing.assert_allclose(found, wanted, atol=1e-6)
+
+
+def test_huge_numbers_leave_out_what_they_move(tmp_path):
+    nodes = moving_scene()
+    for node in nodes[1][2]:
+        if node[0] == "AnimationCurve":
+            node[2][1] = ("KeyValueFloat", [np.array([0.0, 1e38], np.float32)], [])
+    (tmp_path / "a.fbx").write_bytes(written(nodes, 7400, "binary"))
+    rig = read_rig(tmp_path / "a.fbx")
+    assert all(np.isfinite(rows).all() for rows in rig.arrays.values())
 
 
 def test_json_of_cameras_has_only_numbers(tmp_path):

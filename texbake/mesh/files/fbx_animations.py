@@ -28,6 +28,7 @@ from texbake.records import dataclass
 ROTATION, SCALING, PERCENT = "Lcl Rotation", "Lcl Scaling", "DeformPercent"
 Target = tuple[Id, str]  # an object, and a property of it
 _AXES = {"d|X": 0, "d|Y": 1, "d|Z": 2, "d|DeformPercent": 0, "d|Weight": 0}
+_LEAST_STEP = 1e-6  # between the weights of shapes of a channel
 _ADDS, _REPLACES = 0, 1  # other modes replace by the weight
 
 
@@ -228,9 +229,9 @@ class Shape:
 def full_weights(channel: FbxObject, n: int) -> FloatArray:
     """(n,) weights at which a channel shows each of its shapes alone."""
     found = channel.node.numbers("FullWeights").astype(np.float64) / 100.0
-    even = np.arange(1, n + 1) / n
-    is_sound = len(found) == n == len(set(found.tolist()) - {0.0}) and np.isfinite(found).all()
-    return found if is_sound else even
+    steps = np.diff(np.sort([0.0, *found]))  # NaN comes last, and is a step that is not larger
+    is_sound = len(found) == n and steps.min() > _LEAST_STEP and np.abs(found).max() < 1e6
+    return found if is_sound else np.arange(1, n + 1) / n
 
 
 def _powers(values: FloatArray, exponents: float | FloatArray) -> FloatArray:

@@ -58,8 +58,12 @@ class Curve:
         return np.where(flags & _CONSTANT != 0, constant, values)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def read_curve(node: Node) -> Curve | None:
-    """Read an `AnimationCurve`; None without keys, or if they are damaged."""
+    """Read an `AnimationCurve`; None without keys, or if they are damaged.
+
+    Numbers that are too large for their kind become others.
+    """
     times = node.numbers("KeyTime").astype(np.float64) / _TICKS
     values = node.numbers("KeyValueFloat").astype(np.float64)
     n = min(len(times), len(values))

@@ -293,6 +293,8 @@ class _RigReader:
             samplers: list[dict[str, Any]] = []
             channels: list[dict[str, Any]] = []
             for node, path, times, values in self._channels(animation):
+                if np.abs(np.nan_to_num(values, nan=np.inf)).max() > np.finfo(np.float32).max:
+                    continue  # huge numbers are damage
                 sampler = {
                     "input": self._array((times - begin)[:, None]),
                     "output": self._array(values),
@@ -316,8 +318,9 @@ class _RigReader:
             values = [
                 animation.at((key, path), times, vectors(properties, path)) for path in _PLACES
             ]
-            matrices = local_matrices(properties, *values)
-            for path, rows in zip(_PLACES.values(), decomposed(matrices), strict=True):
+            with np.errstate(over="ignore", invalid="ignore"):
+                parts = decomposed(local_matrices(properties, *values))
+            for path, rows in zip(_PLACES.values(), parts, strict=True):
                 if len(rows) > 1 and (rows[1:] == rows[0]).all():
                     yield numbers[key], path, times[:1], rows[:1]
                 else:
