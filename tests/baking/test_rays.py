@@ -93,9 +93,7 @@ def test_normals_that_cancel_fall_back_to_the_face_or_send_no_ray():
     [(0.3, False, 0.3, 0.7), (0.3, True, 0.8, 0.7), (-0.2, False, 0.8, 0.2), (-0.2, True, 0.8, 0.7),
      (0.9, False, 0.8, 0.7), (-0.75, False, 0.8, 0.7)],
 )  # fmt: skip
-def test_another_part_of_the_low_poly_mesh_ends_rays_where_it_faces_their_own(
-    height, faces_up, front, back
-):
+def test_another_part_ends_rays_where_it_faces_their_own(height, faces_up, front, back):
     """Rays of a floor: what looks at it from above is another part, its underside is its end."""
     other = plane()
     other = other.replace(positions=other.positions + np.array([0.0, 0.0, height]))

@@ -212,9 +212,7 @@ def test_a_damaged_store_is_noticed_and_repaired(step, kind, scans, run, content
     assert run(scans)[1] == []
 
 
-def test_bits_that_rot_without_a_trace_are_found_with_verify_or_when_they_are_read(
-    scans, run, contents
-):
+def test_bits_that_rot_are_found_with_verify_or_when_they_are_read(scans, run, contents):
     first, _ = run(scans)
     before = contents(scans.parent / "build")
     key = first.assets[0].steps[0].key

@@ -95,9 +95,7 @@ def test_a_checkout_uses_the_installed_core_of_its_sources(start, install, check
 
 
 @linux
-def test_a_core_of_other_sources_is_not_used_and_one_is_compiled_once(
-    start, install, checkout, compiler, tmp_path
-):
+def test_one_core_is_compiled_for_other_sources(start, install, checkout, compiler, tmp_path):
     install()
     change(checkout)
     processes = [start("-c", CALL, compiler=compiler) for _ in range(3)]

@@ -140,9 +140,7 @@ def test_simplified_meshes_are_meshes(mesh_case, quality, attempt):
 
 
 @pytest.mark.parametrize("method", CLASSICAL)
-def test_classical_mappings_give_finite_coordinates_and_touch_nothing_else(
-    mesh_case, method, attempt
-):
+def test_classical_mappings_add_finite_coordinates_alone(mesh_case, method, attempt):
     mesh = mesh_case.make()
     if method == "parametric" and mesh.uvs is None:
         with pytest.raises(texbake.TexbakeError):

@@ -26,9 +26,7 @@ def covers(corners, points):
 
 
 @pytest.mark.parametrize(("width", "height", "per_side"), [(16, 16, 1), (7, 13, 2), (1, 1, 4)])
-def test_each_sample_has_the_owner_of_exact_integer_arithmetic(
-    textured_case, width, height, per_side
-):
+def test_samples_have_the_owner_of_exact_arithmetic(textured_case, width, height, per_side):
     mesh = textured_case.make()
     grid = SampleGrid(width, height, per_side)
     try:

@@ -233,9 +233,7 @@ def test_the_padding_follows_from_the_size_and_the_charts(tmp_path, n_per_side, 
     ("n_per_side", "size", "padding", "hint"),
     [(6, 64, None, "$"), (4, 96, 2, " or less `padding`$")],
 )
-def test_an_atlas_finer_than_its_texels_is_an_error_that_names_the_size_that_fits(
-    tmp_path, n_per_side, size, padding, hint
-):
+def test_too_fine_an_atlas_names_the_size(tmp_path, n_per_side, size, padding, hint):
     high = boxes(n_per_side)
     shape = {"n_faces": high.n_faces, "remesh": "never", "normals": "smooth"}
     options = RunOptions(size=size, padding=padding, **shape)

@@ -73,9 +73,7 @@ def test_objects_that_touch_keep_the_normals_they_have_alone(make):
     ("g {}", True, AS_ONE),
     ("", False, AS_ONE),
 ])  # fmt: skip
-def test_objects_and_groups_of_an_obj_file_are_apart_and_materials_are_not(
-    tmp_path, statement, welded, expected
-):
+def test_objects_and_groups_are_apart_and_materials_not(tmp_path, statement, welded, expected):
     path = tmp_path / "two.obj"
     path.write_text(obj_text(statement, welded=welded))
     assert np.array_equal(corner_normals(read_mesh(path)), expected)

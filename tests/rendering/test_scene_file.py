@@ -387,9 +387,7 @@ def test_a_file_that_is_no_scene(tmp_path):
     ('shape = "cylinder"\nsides = 2_500_000', 1),
     ('shape = "plane"\nresolution = [1000, 1500]', 2),  # together exactly 6,000,000
 ])  # fmt: skip
-def test_too_many_triangles_of_shapes_are_refused_before_any_is_made(
-    tmp_path, monkeypatch, objects, n_made
-):
+def test_too_many_triangles_of_shapes_are_refused(tmp_path, monkeypatch, objects, n_made):
     made = []
     monkeypatch.setattr(
         "texbake.rendering.scene.file.objects._make_shape",
