@@ -64,12 +64,16 @@ class GltfAsset:
             **{kind: [] for kind in ("nodes", "meshes", "materials", "accessors", "bufferViews")},
         }
         self._images: dict[bytes, int] = {}
+        self._materials: dict[str, int] = {}  # indices by their text
         if compress:
             self.require(EXTENSION)
 
     def append_material(self, content: dict[str, Any]) -> int:
         """Add a material as glTF has it unless it is there, and return its index."""
-        return self._index("materials", content)
+        number = self._materials.setdefault(json.dumps(content), len(self._materials))
+        if number == len(self._json["materials"]):
+            self._json["materials"].append(content)
+        return number
 
     def add_material(
         self,
