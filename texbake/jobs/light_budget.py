@@ -1,14 +1,15 @@
 """The closest lightened model of a number of bytes, and the smallest one that is close enough.
 
 Candidates have a number of triangles of one ladder, each two thirds of the one before, and a number
-of bytes. Images get the sides and qualities with the least error in the bytes that are left: the
-error of a picture is measured on its texels, once for a side and once for a quality at that side.
-Pictures of the whole decide between candidates.
+of bytes. Images get the sides and qualities with the least error in the bytes that are left.
+The error of a picture is measured on its texels, once for a side and once for a quality at that
+side; at large sides, only of codings that would be chosen by what small sides predict. Pictures of
+the whole decide between candidates.
 
 For a number of bytes, numbers of triangles are tried from many to few: four that fit, unless fewer
-triangles look worse. For a PSNR, bisection
-finds the fewest triangles that reach it with the finest images, and then the fewest bytes; more
-triangles are tried as long as the file gets smaller with them.
+triangles look worse; and then one between the best and the next larger. For a PSNR, bisection finds
+the fewest triangles that reach it with the finest images, and then the fewest bytes; more triangles
+are tried as long as the file gets smaller with them.
 
 Based on: Shoham, Gersho, "Efficient bit allocation for an arbitrary set of quantizers", IEEE
 Transactions on Acoustics, Speech, and Signal Processing 36, 1988, for the choice among codings.
@@ -17,7 +18,7 @@ Transactions on Acoustics, Speech, and Signal Processing 36, 1988, for the choic
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
@@ -51,10 +52,9 @@ from texbake.texture.pack import resized
 # Of the pictures of trials.
 _VIEWS, _OPTIONS = 4, RenderOptions(width=256, height=256)
 _MOST_LEVELS, _LEAST_FACES = 4, 200
-# Bytes of a triangle in a file, at least: with integers, and coded as well.
-_BYTES, _CODED_BYTES = 9, 3
+_SURELY = 0.8  # of the bytes of a triangle in the whole model
 _QUALITIES = (15, 35, 60, 75, 85, 90)
-_LEAST_SIDE = 64
+_LEAST_SIDE, _EXACT_SIDES = 64, 2
 _GROWTH = 2.5  # bytes of an image over those of half its side, at least
 # Weights of the squared errors of codes: chosen, not measured.
 _COLOR, _NORMAL, _OTHER = 1.0, 0.25, 0.15
@@ -75,8 +75,13 @@ class Trial:
 
 
 class _Coding(NamedTuple):
-    data: bytes
-    error: float  # weighted, mean over the texels
+    """A side and a quality of a picture; without data, its figures are predicted."""
+
+    side: int
+    quality: int
+    n_bytes: float
+    error: float  # of the coding at that side: weighted, mean over the texels
+    data: bytes | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,22 +95,23 @@ class Budget:
     _codings: dict[tuple[Hashable, int, int], _Coding] = field(default_factory=dict)
     _of_sides: dict[tuple[Hashable, int], float] = field(default_factory=dict)
 
-    @property
-    def _n_views(self) -> int:
-        options = self.source.options
-        return _VIEWS if options.min_psnr is None else options.views
-
     @cached_property
     def _before(self) -> ModelToDraw:
         """The model in the pictures of trials."""
         threads = self.source.options.threads
         return model_to_draw(self.model, options=_OPTIONS, at_rest=True, threads=threads)
 
+    @cached_property
+    def _whole(self) -> ModelToDraw:
+        """The model in the views of the result."""
+        return model_to_draw(self.model, at_rest=True, threads=self.source.options.threads)
+
     def within(self, n_bytes: int) -> Trial:
         """Return the closest model found whose file has at most `n_bytes`."""
         best: Trial | None = None
-        least, n_fitting, n_before = _UNLIMITED, 0, 0
-        for n_faces in self._face_counts(n_bytes):
+        least, n_fitting, n_before, number = _UNLIMITED, 0, 0, 0
+        counts = self._face_counts(n_bytes)
+        for i, n_faces in enumerate(counts):
             trial = self._trial(n_faces, n_bytes)
             least = min(least, trial.n_bytes)
             if trial.light_model.mesh.n_faces == n_before:
@@ -115,10 +121,14 @@ class Budget:
                 continue
             if best is not None and trial.db <= best.db:
                 break
-            best = trial
+            best, number = trial, i
             n_fitting += 1
             if n_fitting == _MOST_LEVELS:
                 break
+        if best is not None and number > 0:
+            between = math.isqrt(counts[number - 1] * counts[number])
+            trial = self._trial(between, n_bytes)
+            best = trial if trial.n_bytes <= n_bytes and trial.db > best.db else best
         if best is None:
             raise OptionError(
                 f"target_size: the smallest file of {self.source.mesh.name} has {least:,} bytes; "
@@ -181,6 +191,9 @@ class Budget:
 
     def _with_fewer_bytes(self, n_faces: int, best: Trial, db: float) -> Trial:
         low = self._trial(n_faces, 0).n_bytes
+        cheapest = self._trial(n_faces, low)
+        if cheapest.db >= db:
+            return cheapest
         for _ in range(_MOST_PROBES):
             if _LESS * best.n_bytes <= low:
                 break
@@ -199,7 +212,7 @@ class Budget:
             path = folder / Path(output).name
             source.write(trial.light_model, trial.materials, path)
             return compare_models(
-                self.model, path, n_views=source.options.views, at_rest=True,
+                self._whole, path, n_views=source.options.views, at_rest=True,
                 threads=source.options.threads, progress=source.progress,
             )  # fmt: skip
 
@@ -212,10 +225,22 @@ class Budget:
         return counts
 
     def _face_counts(self, n_bytes: int) -> list[int]:
+        """Numbers of triangles that may fit: a triangle takes more bytes if there are fewer."""
         counts = self._ladder()
-        each = _CODED_BYTES if self.source.options.compress else _BYTES
-        fit = [i for i, n in enumerate(counts) if n * each <= n_bytes]
+        fit = [i for i, n in enumerate(counts) if n * self._least_bytes <= n_bytes]
         return counts[min(fit, default=len(counts) - 1) :]
+
+    @cached_property
+    def _least_bytes(self) -> float:
+        """Bytes of a triangle, at least."""
+        source = self.source
+        whole = LightModel(
+            mesh=source.mesh, materials=source.materials.without_images(), pictures=(),
+            simplified=None, warnings=(),
+        )  # fmt: skip
+        with scratch_folder() as folder:
+            n_bytes = self._write(whole, {}, folder / "whole.glb")
+        return _SURELY * n_bytes / source.mesh.n_faces
 
     def _trial(self, n_faces: int, n_bytes: int) -> Trial:
         key = n_faces, n_bytes
@@ -232,7 +257,7 @@ class Budget:
             is_finest = n_bytes == _UNLIMITED
             files = self._coded(light_model, -1 if is_finest else 0)
             size = self._write(light_model, files, path)
-            if size <= n_bytes and not is_finest:
+            if size < n_bytes and not is_finest:
                 n_others = size - sum(map(len, files.values()))
                 files = self._chosen(light_model, n_bytes - n_others)
                 size = self._write(light_model, files, path)
@@ -241,7 +266,7 @@ class Budget:
                 return Trial(light_model=light_model, materials=materials, n_bytes=size, db=0.0)
             with self.source.stages.part("compare trials"):
                 found = compare_models(
-                    self._before, path, n_views=self._n_views, options=_OPTIONS, at_rest=True,
+                    self._before, path, n_views=_VIEWS, options=_OPTIONS, at_rest=True,
                     threads=self.source.options.threads,
                 )  # fmt: skip
         return Trial(light_model=light_model, materials=materials, n_bytes=size, db=found.mean_db)
@@ -261,50 +286,54 @@ class Budget:
         """Files of pictures of the cheapest coding, 0, or of the finest, -1."""
 
         def code(picture: Picture) -> bytes:
-            return self._coding(picture, self._sides(picture)[i], _QUALITIES[i]).data
+            return self._coding(picture, self._sides(picture)[i], _QUALITIES[i]).data or b""
 
         return coded_pictures(light_model.pictures, code, threads=self.source.options.threads)
 
     def _chosen(self, light_model: LightModel, n_bytes: int) -> dict[str, bytes]:
         """Files of pictures, of the least error in a number of bytes."""
+        pictures, threads = light_model.pictures, self.source.options.threads
         tables: dict[str, list[_Coding]] = {}
 
         def tabulate(picture: Picture) -> bytes:
             tables[picture.name] = self._table(picture, n_bytes)
             return b""
 
-        coded_pictures(light_model.pictures, tabulate, threads=self.source.options.threads)
+        def complete(picture: Picture) -> bytes:
+            codings, coding = tables[picture.name], picked[picture.name]
+            exact = self._coding(picture, coding.side, coding.quality)
+            codings[codings.index(coding)] = self._with_side_error(picture, exact)
+            return b""
 
-        def at(price: float) -> dict[str, bytes]:
-            return {
-                picture.name: min(
-                    tables[picture.name], key=lambda item: item.error + price * len(item.data)
-                ).data
-                for picture in light_model.pictures
-            }
-
-        # Files begin at multiples of 4 bytes.
-        room = n_bytes - 4 * len(light_model.pictures)
-        low, high = 1e-12, 1e6
-        for _ in range(60):
-            price = math.sqrt(low * high)
-            if sum(map(len, at(price).values())) <= room:
-                high = price
-            else:
-                low = price
-        return at(high)
+        coded_pictures(pictures, tabulate, threads=threads)
+        while True:
+            # Files begin at multiples of 4 bytes.
+            picked = _cheapest(tables, n_bytes - 4 * len(pictures))
+            predicted = [each for each in pictures if picked[each.name].data is None]
+            if not predicted:
+                return {name: coding.data or b"" for name, coding in picked.items()}
+            coded_pictures(predicted, complete, threads=threads)
 
     def _table(self, picture: Picture, n_bytes: int) -> list[_Coding]:
-        """Codings of a picture that may fit."""
+        """Codings of a picture that may fit: exact at small sides, and predicted at larger ones.
+
+        From side to side, bytes grow as from the side before, and errors of codings stay.
+        """
         found: list[_Coding] = []
-        before: dict[int, int] = {}
-        for side in self._sides(picture):
-            for quality in _QUALITIES:
-                if _GROWTH * before.get(quality, 0) > n_bytes:
+        before: dict[int, list[_Coding]] = {quality: [] for quality in _QUALITIES}
+        for number, side in enumerate(self._sides(picture)):
+            for quality, smaller in before.items():
+                if smaller and _GROWTH * smaller[-1].n_bytes > n_bytes:
                     break
-                coding = self._coding(picture, side, quality)
-                before[quality] = len(coding.data)
-                found.append(coding)
+                known = self._codings.get((_identity(picture), side, quality))
+                if known is None and number < _EXACT_SIDES:
+                    known = self._coding(picture, side, quality)
+                if known is None:
+                    one, other = smaller[-2:]
+                    grown = other.n_bytes * other.n_bytes / one.n_bytes
+                    known = _Coding(side, quality, grown, other.error)
+                smaller.append(known)
+                found.append(self._with_side_error(picture, known))
         return found
 
     def _coding(self, picture: Picture, side: int, quality: int) -> _Coding:
@@ -314,19 +343,44 @@ class Budget:
             encoding = self.source.options.images
             data = encode_image(codes, encoding, quality=quality, is_color=picture.is_color)
             made = decoded(data, codes.shape[2])
-            error = _squared(made, codes, picture.is_cut) + self._error_of(picture, side)
-            self._codings[key] = _Coding(data, _weight(picture) * error)
+            error = _weight(picture) * _squared(made, codes, picture.is_cut)
+            self._codings[key] = _Coding(side, quality, len(data), error, data)
         return self._codings[key]
+
+    def _with_side_error(self, picture: Picture, coding: _Coding) -> _Coding:
+        error = _weight(picture) * self._error_of(picture, coding.side)
+        return coding._replace(error=coding.error + error)
 
     def _error_of(self, picture: Picture, side: int) -> float:
         """Mean squared error of a picture that is scaled down to a side."""
         key = _identity(picture), side
+        if side >= picture.side:
+            return 0.0
         if key not in self._of_sides:
             small = picture.at_side(side)
             height, width = picture.codes.shape[:2]
             large = resized(small.astype(np.float32), width, height)
             self._of_sides[key] = _squared(large, picture.codes, picture.is_cut)
         return self._of_sides[key]
+
+
+def _cheapest(tables: Mapping[str, Sequence[_Coding]], n_bytes: float) -> dict[str, _Coding]:
+    """Return the codings of the least error in all that have a number of bytes together."""
+
+    def at(price: float) -> dict[str, _Coding]:
+        return {
+            name: min(codings, key=lambda each: each.error + price * each.n_bytes)
+            for name, codings in tables.items()
+        }
+
+    low, high = 1e-12, 1e6
+    for _ in range(60):
+        price = math.sqrt(low * high)
+        if sum(each.n_bytes for each in at(price).values()) <= n_bytes:
+            high = price
+        else:
+            low = price
+    return at(high)
 
 
 def _identity(picture: Picture) -> Hashable:

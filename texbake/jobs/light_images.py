@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -64,12 +65,18 @@ class Picture:
             height, width = (max(1, n * side // self.side) for n in self.codes.shape[:2])
             values = self.codes.astype(np.float32) / np.float32(255.0)
             if self.is_color:
-                values[..., :3] = decode_srgb(values[..., :3])
+                values[..., :3] = _linear_values()[self.codes[..., :3]]
                 small = quantize_srgb(resized(values, width, height), 8, n_colors=3)
             else:
                 small = quantize_unsigned(resized(values, width, height), 8)
             self._smaller[side] = np.asarray(small, np.uint8)
         return self._smaller[side]
+
+
+@cache
+def _linear_values() -> npt.NDArray[np.float32]:
+    """(256,) linear values of sRGB codes."""
+    return decode_srgb(np.arange(256, dtype=np.float32) / np.float32(255.0)).astype(np.float32)
 
 
 def squared_errors(

@@ -15,7 +15,7 @@ lattices", Mathematical Geosciences 42, 2010, for the views.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,10 @@ _PICTURE_PX = 512
 _GOLDEN_ANGLE = 180.0 * (3.0 - math.sqrt(5.0))
 _GLTF = (".glb", ".gltf")
 _ROOM_PX = 128  # of a face of its cube map; its lamps are wide
+# A result may leave the sphere around a model by this share of its radius before it is framed, too.
+_OUTSIDE = 0.01
 Picture = npt.NDArray[np.uint8]
+_Drawn = tuple[Picture, npt.NDArray[np.bool_]]  # the picture of a view, and the pixels of the model
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,6 +83,18 @@ class ModelToDraw:
 
     scene: Scene
     prepared: Prepared
+    _drawn: dict[tuple[float, float], _Drawn] = field(default_factory=dict)
+
+    def picture(self, camera: Camera, view: tuple[float, float], *, keeps: bool) -> _Drawn:
+        """Draw a view, or return what it `keeps` of one."""
+        if keeps and view in self._drawn:
+            return self._drawn[view]
+        seen = replace(self.prepared.options, view=(*view, None))
+        frame = draw(replace(self.prepared, options=seen), camera)
+        drawn = _codes(frame), frame.coverage > 0
+        if keeps:
+            self._drawn[view] = drawn
+        return drawn
 
 
 def model_to_draw(
@@ -125,25 +140,28 @@ def compare_models(
             else model_to_draw(model, options=options, at_rest=at_rest, threads=threads)
             for model in (before, after)
         ]
-    scenes, models = [model.scene for model in both], [model.prepared for model in both]
-    shapes = [outline(item) for scene in scenes for item in scene.objects]
+    scenes = [model.scene for model in both]
+    shapes = [[outline(item) for item in scene.objects] for scene in scenes]
+    center, radius = Camera.sphere_around(*shapes[0])
+    apart = max(float(pm.norm(mesh.used_positions - center, axis=1).max()) for mesh in shapes[1])
+    is_within = apart <= (1.0 + _OUTSIDE) * radius
+    if not is_within:
+        center, radius = Camera.sphere_around(*shapes[0], *shapes[1])
     views = sphere_views(n_views)
     pictures: tuple[list[Picture], list[Picture]] = ([], [])
     errors: list[tuple[float, int]] = []
     with stages.stage("compare pictures", total=n_views, unit="views") as advance:
         for view in views:
-            seen = replace(chosen, view=(*view, None))
-            camera = Camera.framing(*shapes, options=seen)
-            frames = []
-            for model in models:
-                frames.append(draw(replace(model, options=seen), camera))
-                share_environment(model, models[-1])
-            codes = [_codes(frame) for frame in frames]
-            for found, picture in zip(pictures, codes, strict=True):
+            camera = Camera.framing_sphere(center, radius, replace(chosen, view=(*view, None)))
+            drawn = [both[0].picture(camera, view, keeps=is_within)]
+            share_environment(both[0].prepared, both[1].prepared)
+            drawn.append(both[1].picture(camera, view, keeps=False))
+            for found, (picture, _) in zip(pictures, drawn, strict=True):
                 found.append(picture)
-            covered = (frames[0].coverage > 0) | (frames[1].coverage > 0)
-            apart = codes[0][covered].astype(np.int64) - codes[1][covered]
-            errors.append((float((apart**2).sum()), apart.size))
+            (one, covered), (other, also) = drawn
+            covered = covered | also
+            differences = one[covered].astype(np.int64) - other[covered]
+            errors.append((float((differences**2).sum()), differences.size))
             advance(1)
     return ModelComparison(
         psnr_db=tuple(psnr_db(total, count) for total, count in errors),
