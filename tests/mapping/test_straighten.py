@@ -4,7 +4,7 @@ import pytest
 from texbake.core import core
 from texbake.mapping.atlas.charts import single_face_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
-from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.edge_weights import _turning as turning_of, edge_weights
 from texbake.mapping.atlas.halves import Halves, image_costs
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
@@ -92,7 +92,7 @@ def test_hard_edges_are_cheap_and_diagonals_of_polygons_are_not_cut():
     diagonals = np.isinf(weights)
     assert np.count_nonzero(diagonals) == mesh.n_faces
     assert (weights[~diagonals] < 0.5).all()
-    flat = edge_weights(surface_of(plane(4, 4)), keep_planes=False)
+    flat = edge_weights(surface_of(plane(4, 4)), joined=False)
     assert (flat[np.isfinite(flat)] == 1.0).all()
 
 
@@ -110,9 +110,20 @@ def test_seams_are_cheap_where_little_light_comes():
     surface = surface_of(mesh)
     bottom = (np.abs(surface.points[mesh.faces].mean(axis=1)[:, 0]) < 0.05).ravel()
     rim = (np.abs(surface.points[mesh.faces].mean(axis=1)[:, 0]) > 0.2).ravel()
-    alike, hidden = (edge_weights(surface, hide=hide, keep_planes=False) for hide in (0.0, 1.0))
+    alike, hidden = (edge_weights(surface, hide=hide, joined=False) for hide in (0.0, 1.0))
     assert (alike[rim] == 1.0).all()
     assert 1.5 * hidden[bottom].mean() < hidden[rim].mean()
+
+
+def test_a_surface_turns_at_bumps_and_not_where_it_is_flat():
+    bumps = plane(
+        48, 48, lambda x, y: np.where(x < 0.4, 0.02 * np.sin(60.0 * x) * np.sin(60.0 * y), 0.0)
+    )
+    surface = surface_of(bumps)
+    x = surface.points[bumps.faces].mean(axis=1)[:, 0]
+    turning = turning_of(surface.points, surface.corners)
+    assert turning[x < -0.2].mean() > 0.2
+    assert turning[x > 0.1].max() < 1e-6
 
 
 def test_a_border_moves_to_the_mirror_image_of_that_of_the_other_half():

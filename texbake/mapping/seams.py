@@ -17,7 +17,7 @@ import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.hard_edges import exceed_angle, inner_edges, normals_jump
-from texbake.mesh.mesh import BoolArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.topology import edge_ids, face_components
 from texbake.mesh.weld import unique_rows, weld_rows
@@ -64,16 +64,22 @@ def _seams(mesh: Mesh, edges: Int64Array, kept: BoolArray) -> BoolArray:
     return cut
 
 
-def seam_length(mesh: Mesh, faces: BoolArray | None = None) -> float:
-    """Total length of the seams of `faces` (F,), or all, in model units, each counted once."""
-    return _length(mesh, seam_edges(mesh, faces))
+def seam_length(
+    mesh: Mesh, faces: BoolArray | None = None, weights: FloatArray | None = None
+) -> float:
+    """Total length of the seams of `faces` (F,), or all, in model units, each counted once.
+
+    `weights` (F, 3): what the unit of length along each edge counts.
+    """
+    return _length(mesh, seam_edges(mesh, faces), weights)
 
 
-def _length(mesh: Mesh, seams: BoolArray) -> float:
+def _length(mesh: Mesh, seams: BoolArray, weights: FloatArray | None = None) -> float:
     rows, starts = np.nonzero(seams)
     tails = mesh.positions[mesh.faces[rows, starts]]
     heads = mesh.positions[mesh.faces[rows, (starts + 1) % 3]]
-    return float(pm.norm(heads - tails, axis=1).sum()) / 2.0
+    lengths = pm.norm(heads - tails, axis=1)
+    return float((lengths if weights is None else lengths * weights[rows, starts]).sum()) / 2.0
 
 
 def connected_faces(edges: Int64Array) -> IntArray:

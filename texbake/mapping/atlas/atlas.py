@@ -27,25 +27,26 @@ from texbake.mapping.atlas.charts import (
     with_shapes_noted,
 )
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
-from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points, surface_of
+from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.cutting.marked import marked_charts
-from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.cutting.parts import connected_parts
 from texbake.mapping.atlas.flatten import chart_stretch, relax_charts
-from texbake.mapping.atlas.halves import Halves, find_halves
+from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.bound import bound_charts
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.atlas.mirrored_charts import (
     find_counterparts,
     half_charts,
+    half_faces,
     half_surface,
     stacked_charts,
 )
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts, upright_tiles
 from texbake.mapping.atlas.rectangles import MOST_L2, tube_charts, with_rectangles
+from texbake.mapping.atlas.source import ChartSource
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.options import UnwrapOptions, fitting_padding
-from texbake.mapping.seams import regions_between
 from texbake.mesh.compose import offset_joined
 from texbake.mesh.frame import snapped
 from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
@@ -108,7 +109,7 @@ def make_atlas(
         all_charts = _best_charts(meshes, options, stages, importance, threads)
     else:
         all_charts = [
-            _make_charts(mesh, options, stages, marked, whole, threads)
+            _charts_of(mesh, options, stages, marked, whole, threads)
             for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
         ]
     if options.straighten:
@@ -121,6 +122,24 @@ def make_atlas(
     return _packed_charts(meshes, all_charts, options, stages, importance, threads)[0]
 
 
+def _charts_of(
+    mesh: Mesh,
+    options: UnwrapOptions,
+    stages: Stages,
+    seams: BoolArray | None,
+    protected: BoolArray | None,
+    threads: int | None,
+) -> Charts:
+    """The existing charts of a mesh, or new ones."""
+    if options.keep:
+        regions = mesh.face_groups if options.by_group else face_objects(mesh)
+        return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
+    source = ChartSource.of_mesh(
+        mesh, options, stages, seams=seams, protected=protected, threads=threads
+    )
+    return _make_charts(source, options, protected)
+
+
 def _best_charts(
     meshes: Sequence[Mesh],
     options: UnwrapOptions,
@@ -130,18 +149,21 @@ def _best_charts(
 ) -> list[Charts]:
     """The charts of the least `layout_cost`: of `good`, of whole bodies, or larger ones."""
     good = replace(options, quality="good")
+    sources = [ChartSource.of_mesh(mesh, options, stages, threads=threads) for mesh in meshes]
     candidates: list[tuple[float, list[Charts]]] = []
 
     def consider(all_charts: list[Charts]) -> None:
         with suppress(UnwrapError):  # they do not fit
             _, packing = _packed_charts(meshes, all_charts, good, stages, importance, threads)
-            candidates.append((layout_cost(meshes, all_charts, packing.fill), all_charts))
+            weights = [source.weights for source in sources]
+            cost = layout_cost(meshes, all_charts, weights, packing.fill)
+            candidates.append((cost, all_charts))
 
-    of_good = [_make_charts(mesh, good, stages, None, None, threads) for mesh in meshes]
+    of_good = [_make_charts(source, good) for source in sources]
     consider(of_good)
     bodies = [  # would contain tubes that are unrolled
-        [] if options.straighten else _body_charts(mesh, charts, options, stages, threads)
-        for mesh, charts in zip(meshes, of_good, strict=True)
+        [] if options.straighten else _body_charts(source, charts, options)
+        for source, charts in zip(sources, of_good, strict=True)
     ]
     for number in range(max(map(len, bodies))):
         consider(
@@ -152,7 +174,7 @@ def _best_charts(
         )
     least = min((cost for cost, _ in candidates[1:]), default=math.inf)
     if not (candidates and least < _CLEARLY_BETTER * candidates[0][0]):
-        consider([_make_charts(mesh, options, stages, None, None, threads) for mesh in meshes])
+        consider([_make_charts(source, options) for source in sources])
     return min(candidates, key=lambda each: each[0])[1] if candidates else of_good
 
 
@@ -212,20 +234,10 @@ def _packed_charts(
 
 
 def _make_charts(
-    mesh: Mesh,
-    options: UnwrapOptions,
-    stages: Stages,
-    seams: BoolArray | None,
-    protected: BoolArray | None,
-    threads: int | None,
+    source: ChartSource, options: UnwrapOptions, protected: BoolArray | None = None
 ) -> Charts:
     """Make the charts of one mesh, in units of the longest side of its bounding box."""
-    if options.keep:
-        regions = mesh.face_groups if options.by_group else face_objects(mesh)
-        return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
-    surface, n_within = _surface(mesh, options, seams, threads)
-    if protected is not None:  # protected faces on both sides of a mirror plane stay together
-        surface, options = surface.kept_whole(protected), replace(options, symmetry="off")
+    mesh, surface, stages = source.mesh, source.surface, source.stages
     isolated, others = find_isolated_faces(surface)
     pieces = []
     if len(isolated):
@@ -238,138 +250,111 @@ def _make_charts(
         area = float(surface_areas(surface.points[surface.faces]).sum())
         pieces, surface = pieces + tubes, replace(surface, area=area)
     if not pieces:
-        charts = _connected_charts(mesh, surface, options, stages)
+        charts = _connected_charts(source, options)
     else:
         if len(others):
-            part = surface.part(others)
             with suppress(UnwrapError):  # none of them has an area
-                connected = _connected_charts(mesh_of(mesh, part), part, options, stages)
-                pieces.append((others, connected))
+                part = source.part(surface.part(others))
+                pieces.append((others, _connected_charts(part, options)))
         charts = gather_charts(mesh.faces, pieces)
     if protected is not None:
         charts = with_cuts_noted(surface, charts, protected, max_stretch=options.max_stretch)
-    notes = (
-        (n_within, f"{n_within:,} hard edges have no seam, because they end within a chart"),
-        (options.straighten and not is_free, _NO_TUBES),
-    )
+    hard = f"{source.n_within:,} hard edges have no seam, because they end within a chart"
+    notes = ((source.n_within, hard), (options.straighten and not is_free, _NO_TUBES))
     return replace(charts, notes=(*charts.notes, *(note for applies, note in notes if applies)))
 
 
-def _surface(
-    mesh: Mesh, options: UnwrapOptions, seams: BoolArray | None, threads: int | None
-) -> tuple[ChartSurface, int]:
-    """The surface of a mesh in its regions, and the number of hard edges within one."""
-    regions, n_within = regions_between(
-        mesh,
-        hard_edges=options.seams_at_hard_edges or options.normals == "angle",
-        angle=options.seam_angle,
-        regions=mesh.face_groups if options.by_group else face_objects(mesh),
-    )
-    return surface_of(mesh, regions, threads, seams=seams), n_within
-
-
-def _body_charts(
-    mesh: Mesh, others: Charts, options: UnwrapOptions, stages: Stages, threads: int | None
-) -> list[Charts]:
+def _body_charts(source: ChartSource, others: Charts, options: UnwrapOptions) -> list[Charts]:
     """Candidates of charts of whole bodies; `others`: charts, for faces of no body."""
-    surface, _ = _surface(mesh, options, None, threads)
-    with stages.stage("cut bodies"):
-        halves = find_halves(surface) if options.symmetry == "auto" else None
-        found = whole_bodies(surface, others, halves)
-    return [
-        replace(_bounded(surface, charts, options, stages), notes=others.notes) for charts in found
-    ]
+    halves, weights = source.halves, source.weights
+    with source.stages.stage("cut bodies"):
+        found = whole_bodies(source.surface, others, weights, halves)
+    return [replace(_bounded(source, charts, options), notes=others.notes) for charts in found]
 
 
-def _connected_charts(
-    mesh: Mesh, surface: ChartSurface, options: UnwrapOptions, stages: Stages
-) -> Charts:
+def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
     """Cut, relax and join the charts of a mesh, in units of its points."""
+    surface = source.surface
     if surface.seams is not None:
-        with stages.stage("flatten between seams"):
-            charts = marked_charts(mesh, surface, options)
-        return _bounded(surface, charts, options, stages)
-    overlaps = options.symmetry == "overlap"
-    # Mirrored charts would make `fast` three times slower.
-    mirrors = options.symmetry == "auto" and options.quality != "fast"
+        with source.stages.stage("flatten between seams"):
+            between = marked_charts(source.mesh, surface, options)
+        return _bounded(source, between, options)
+    overlaps = source.symmetry == "overlap"
     why, halves = "it has no mirror plane", None
-    if (overlaps or mirrors) and options.charts == "texbake":
-        with stages.stage("find mirror plane"):
-            halves = find_halves(surface, apart=overlaps)
+    # Mirrored charts would make `fast` three times slower.
+    if (overlaps or options.quality != "fast") and options.charts == "texbake":
+        halves = source.halves
     if halves is not None:
         if overlaps and halves.twins is not None:
-            return _stacked_charts(mesh, surface, halves, options, stages)
+            return _stacked_charts(source, halves, options)
         why = "its faces do not mirror each other one by one"
-    weights = _weights(surface, options, stages)
-    charts = _cut(mesh, surface, options, stages, weights)
-    if options.quality != "fast":
+    if options.quality == "fast":
+        halves = None
+    charts: Charts | None = None
+    if halves is None or _may_lie_flat(surface):
+        charts = _cut(source, options)
         # Where no chart meets another, there is no border that a mirror image could differ from.
-        if (
-            halves is not None
-            and charts.n_charts == face_components(surface.corners, len(surface.points))[1]
-        ):
+        if charts.n_charts == face_components(surface.corners, len(surface.points))[1]:
             halves = None
-        charts = _improved(mesh, surface, charts, options, stages, weights, halves)
-    charts = _bounded(surface, charts, options, stages)
+    if charts is None or halves is not None:
+        charts = _cut(source, options, halves)
+    if options.quality != "fast":
+        charts = _improved(source, charts, options, halves)
+    charts = _bounded(source, charts, options)
     note = (f"no charts share texels, because {why}",) if overlaps else ()
     return replace(charts, notes=(*charts.notes, *note))
 
 
-def _weights(surface: ChartSurface, options: UnwrapOptions, stages: Stages) -> FloatArray:
-    with stages.stage("weigh edges"):
-        whole = options.quality != "fast"  # which joins no pieces of planes
-        return edge_weights(surface, hide=options.hide_seams, keep_planes=whole)
+def _may_lie_flat(surface: ChartSurface) -> bool:
+    """Whether each connected part has a boundary: no closed part is one chart."""
+    opposite = surface.joints[2]
+    parts = connected_parts(opposite)
+    at_boundary = (opposite.reshape(-1, 3) < 0).any(axis=1)
+    return len(np.unique(parts[at_boundary])) == len(np.unique(parts))
 
 
-def _cut(
-    mesh: Mesh, surface: ChartSurface, options: UnwrapOptions, stages: Stages, weights: FloatArray
-) -> Charts:
-    with stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
+def _cut(source: ChartSource, options: UnwrapOptions, halves: Halves | None = None) -> Charts:
+    """Charts of a mesh before they are joined; only of `half_faces` if there are halves."""
+    mesh, surface, weights, area = source.mesh, source.surface, source.weights, source.surface.area
+    if halves is not None:
+        area = area or float(surface_areas(surface.points[surface.faces]).sum())
+        surface, weights = half_surface(surface, halves), weights[half_faces(halves)]
+        mesh = mesh_of(mesh, surface)
+    with source.stages.stage("cut charts", total=mesh.n_faces, unit="faces") as advance:
         return cut_charts(
             mesh,
             surface,
             weights=weights,
             quality=options.quality,
             method=options.charts,
-            area=surface.area,
+            area=area,
             timeout=options.timeout,
             advance=advance,
         )
 
 
-def _stacked_charts(
-    mesh: Mesh, surface: ChartSurface, halves: Halves, options: UnwrapOptions, stages: Stages
-) -> Charts:
+def _stacked_charts(source: ChartSource, halves: Halves, options: UnwrapOptions) -> Charts:
     """Cut one half of a mesh, and lay the other on it."""
-    half = half_surface(surface, halves)
-    half_mesh = mesh_of(mesh, half)
-    weights = _weights(half, options, stages)
-    charts = _cut(half_mesh, half, options, stages, weights)
+    half = source.part(half_surface(source.surface, halves))
+    charts = _cut(half, options)
     if options.quality != "fast":
-        charts = _improved(half_mesh, half, charts, options, stages, weights)
-    return stacked_charts(halves, _bounded(half, charts, options, stages), mesh)
+        charts = _improved(half, charts, options)
+    return stacked_charts(halves, _bounded(half, charts, options), source.mesh)
 
 
-def _bounded(
-    surface: ChartSurface, charts: Charts, options: UnwrapOptions, stages: Stages
-) -> Charts:
+def _bounded(source: ChartSource, charts: Charts, options: UnwrapOptions) -> Charts:
     """Cut charts where the options bound their stretch."""
     if options.max_stretch is None:
         return charts
-    with stages.stage("bound stretch"):
-        return bound_charts(surface, charts, max_stretch=options.max_stretch)
+    with source.stages.stage("bound stretch"):
+        return bound_charts(source.surface, charts, max_stretch=options.max_stretch)
 
 
 def _improved(
-    mesh: Mesh,
-    surface: ChartSurface,
-    charts: Charts,
-    options: UnwrapOptions,
-    stages: Stages,
-    weights: FloatArray,
-    halves: Halves | None = None,
+    source: ChartSource, charts: Charts, options: UnwrapOptions, halves: Halves | None = None
 ) -> Charts:
     """Relax or mirror charts, join them as far as stretch allows, and straighten their borders."""
+    mesh, surface, stages, weights = source.mesh, source.surface, source.stages, source.weights
     if halves is None:
         as_cut = chart_stretch(surface.points, mesh, charts)
         with stages.stage("relax charts"):

@@ -16,7 +16,6 @@ from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.body import face_energies, flatten_body
 from texbake.mapping.atlas.cutting.parts import connected_parts, split_parts
 from texbake.mapping.atlas.cutting.repair import repair_charts
-from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.join import join_charts
@@ -44,18 +43,23 @@ _GAINS = (0.25, 0.12, 0.06, 0.03)
 _EVEN = 0.05
 
 # See `layout_cost`.
-_OUTLINE, _ENERGY_POWER, _FILL_POWER, _CHARTS_POWER = 1.0, 8.0, 2.0, 0.125
+_OUTLINE, _ENERGY_POWER, _FILL_POWER, _CHARTS_POWER = 1.0, 8.0, 3.0, 0.125
 
 
-def layout_cost(meshes: Sequence[Mesh], all_charts: Sequence[Charts], fill: float) -> float:
-    """The cost that `best` keeps low: (seams + 1) · energy⁸ · charts^⅛ / fill².
+def layout_cost(
+    meshes: Sequence[Mesh],
+    all_charts: Sequence[Charts],
+    all_weights: Sequence[FloatArray],
+    fill: float,
+) -> float:
+    """The cost that `best` keeps low: (seams + 1) · energy⁸ · charts^⅛ / fill³.
 
-    Seams are measured in sides of a square as large as the surface, and the symmetric Dirichlet
-    energy in units of its least value.
+    Seams are measured in sides of a square as large as the surface, times `all_weights`, for each
+    mesh (F, 3), and the symmetric Dirichlet energy in units of its least value.
     """
     seams = area = energy = 0.0
     n_charts = 0
-    for mesh, charts in zip(meshes, all_charts, strict=True):
+    for mesh, charts, weights in zip(meshes, all_charts, all_weights, strict=True):
         solid = charts.solid
         corners = mesh.positions[mesh.faces[solid]]
         areas = surface_areas(corners)
@@ -65,7 +69,8 @@ def layout_cost(meshes: Sequence[Mesh], all_charts: Sequence[Charts], fill: floa
             uvs = uvs * math.sqrt(float(areas.sum()) / flat)
         energy += float((face_energies(corners, uvs) * areas).sum())
         area += float(areas.sum())
-        seams += seam_length(mesh.replace(uvs=charts.uvs, uv_faces=charts.faces), solid)
+        laid = mesh.replace(uvs=charts.uvs, uv_faces=charts.faces)
+        seams += seam_length(laid, solid, np.where(np.isfinite(weights), weights, 1.0))
         n_charts += charts.n_charts
     if not (area > 0.0 and fill > 0.0):
         return math.inf
@@ -75,15 +80,15 @@ def layout_cost(meshes: Sequence[Mesh], all_charts: Sequence[Charts], fill: floa
 
 
 def whole_bodies(
-    surface: ChartSurface, others: Charts, halves: Halves | None = None
+    surface: ChartSurface, others: Charts, weights: FloatArray, halves: Halves | None = None
 ) -> list[Charts]:
     """Charts of whole bodies, from candidate to candidate with more limbs cut off.
 
-    Other faces keep their charts, `others`; the list is empty if there is no body. `halves`: of a
-    symmetric mesh, whose seams mirror each other.
+    Other faces keep their charts, `others`; the list is empty if there is no body. `weights`
+    (F, 3): costs of seams along edges; `halves`: of a symmetric mesh, whose seams mirror each
+    other.
     """
     corners, solid, opposite = surface.joints
-    weights = edge_weights(surface)
     labels = np.where(solid & others.solid, connected_parts(opposite), -1)
     areas = surface_areas(surface.points[corners])
     least = _LEAST_SHARE * float(areas[labels >= 0].sum())

@@ -20,7 +20,7 @@ from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.halves import Halves, image_costs
 from texbake.mapping.atlas.joining.join import compact_charts, join_charts
-from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, pieces_of
+from texbake.mapping.atlas.joining.pieces import ChartPiece
 from texbake.mapping.atlas.joining.straighten import BORDER_WIDTH, straighten_charts
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
@@ -53,13 +53,12 @@ def half_charts(
     weights: FloatArray,
     quality: str,
 ) -> Charts:
-    """Symmetric charts of a mesh: its `charts` on one side, cut until compact, and their images.
+    """Symmetric charts of a mesh: `charts` of `half_faces`, cut until compact, and their images.
 
     `weights` (F, 3): costs of edges by `edge_weights`.
     """
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     half = half_surface(surface, halves)
-    charts = _split_off(half, replace(charts, faces=charts.faces[ids]))
     charts = compact_charts(half, relax_charts(half, charts))
     charts = straighten_charts(half, charts, weights[ids])
     if halves.twins is not None:
@@ -82,12 +81,6 @@ def stacked_charts(halves: Halves, half: Charts, mesh: Mesh) -> Charts:
     stacked = np.zeros(mesh.n_faces, dtype=bool)
     stacked[others] = True
     return replace(whole, faces=faces, n_ignored=half.n_ignored, stacked=stacked)
-
-
-def _split_off(surface: ChartSurface, charts: Charts) -> Charts:
-    """Connected charts of the faces of a surface, without unused coordinates."""
-    opposite = surface.opposite(charts.solid)
-    return charts_of(pieces_of(surface, charts, opposite), charts)
 
 
 def _mirrored(

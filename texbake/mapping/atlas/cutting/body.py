@@ -13,6 +13,7 @@ Homotopy and Homology Generators", 2005 (short loops around handles).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -30,7 +31,7 @@ from texbake.mesh.topology import EdgeGraph, next_half_edges, path_back
 from texbake.records import dataclass
 
 # Least lengths of the cut to an extremity and of a dart, in sides of a square as large as the body.
-_REACH, _LEAST_DART = 0.35, 0.05
+_REACH, _LEAST_DART = 0.5, 0.05
 _MOST_REACHED, _MOST_DARTS = 64, 24
 _PATIENCE = 5  # darts that lower the cost no further, after which no more are tried
 
@@ -154,11 +155,15 @@ class _Body:
         starts = np.concatenate([self.tails[half_edges], self.heads[back]])
         ids = np.concatenate([half_edges, back])
         ends = np.concatenate([self.heads[half_edges], self.tails[back]])
+        self.costs = self.lengths * np.where(self.may_cut, weights, 1.0)
         self.graph = EdgeGraph.build(len(self.points), starts, ends, (self.lengths * weights)[ids])
+        lengths = np.where(self.may_cut, self.lengths, np.inf)[ids]
+        self.plain = replace(self.graph, costs=lengths[self.graph.order])
         self._ids = ids[self.graph.order]
         self.mirror = None if plane is None else PathMirror(plane, self.points, self.graph)
-        self.distances = np.full(len(self.points), np.inf)
-        self.before = np.full(len(self.points), -1, dtype=np.int32)
+        # From the nearest seam: by length, less where the cheapest path is dear for its length.
+        self.distances, self.seam_lengths, self._path_costs = np.full((3, len(self.points)), np.inf)
+        self.before, self._nearest = np.full((2, len(self.points)), -1, dtype=np.int32)
         self._reach_from(np.unique(np.concatenate([self.tails[back], self.heads[back]])))
 
     @property
@@ -166,14 +171,14 @@ class _Body:
         return bool(self.cut.any())
 
     @property
-    def seam_length(self) -> float:
-        """Length of the seams, without the border of the surface."""
-        return float(self.lengths[self.cut & (self.opposite >= 0)].sum()) / 2.0
+    def seam_cost(self) -> float:
+        """Weighted length of the seams, without the border of the surface."""
+        return float(self.costs[self.cut & (self.opposite >= 0)].sum()) / 2.0
 
     def cut_to(self, vertex: int) -> bool:
         """Cut from the nearest seam to a vertex; return whether there is anything to cut."""
         if self.mirror is not None:
-            instead = self.mirror.at_plane(vertex, float(self.distances[vertex]))
+            instead = self.mirror.at_plane(vertex, float(self.seam_lengths[vertex]))
             vertex = instead if self.distances[instead] > 0.0 else vertex
         path = path_back(self.before, vertex)
         if self.mirror is not None and self.mirror.is_at_plane[vertex]:
@@ -216,7 +221,12 @@ class _Body:
         )
 
     def _reach_from(self, sources: IntArray) -> None:
-        self.graph.shorten(sources.astype(np.int32), self.distances, self.before)
+        sources = sources.astype(np.int32)
+        self.graph.shorten(sources, self._path_costs, self.before)
+        self.plain.shorten(sources, self.seam_lengths, self._nearest)
+        self.distances[:] = self.seam_lengths
+        dear = np.isfinite(self._path_costs) & (self._path_costs > self.seam_lengths)
+        self.distances[dear] *= self.seam_lengths[dear] / self._path_costs[dear]
 
 
 def _open_up(body: _Body) -> bool:
@@ -228,8 +238,9 @@ def _open_up(body: _Body) -> bool:
         for loop in _loops(body):
             body.cut_along(loop)
         return True
-    start = _farthest(body.graph.paths_from(0)[0])
-    distances, before = body.graph.paths_from(start)
+    start = _farthest(body.plain.paths_from(0)[0])
+    distances = body.plain.paths_from(start)[0]
+    before = body.graph.paths_from(start)[1]
     if body.mirror is not None and body.mirror.is_at_plane.any():
         return _open_halves(body, body.mirror, distances, before)
     path = path_back(before, _farthest(distances))
@@ -334,7 +345,7 @@ def _best_darts(body: _Body) -> _Rough | None:
 
 
 def _cost(body: _Body, flat: Flat) -> float:
-    return (body.seam_length / body.side + _OUTLINE) * float(pm.power(flat.energy / 4.0, _POWER))
+    return (body.seam_cost / body.side + _OUTLINE) * float(pm.power(flat.energy / 4.0, _POWER))
 
 
 def _most_stretched(body: _Body, corner_uvs: FloatArray) -> int:

@@ -6,7 +6,6 @@ The faces of a symmetric mesh need not mirror each other: a path follows the edg
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 
@@ -79,13 +78,8 @@ class PathMirror:
     ) -> tuple[FloatArray, IntArray]:
         """(V,) costs of paths from sources, and the vertices before; final up to an end."""
         far = (distances[self._tails] + distances[self._graph.ends]) / (2.0 * self._lengths)
-        costs = self._costs * far.clip(LEAST_NEAR, MOST_NEAR)
+        costs = self._graph.costs * far.clip(LEAST_NEAR, MOST_NEAR)
         found = np.full(len(self._points), np.inf)
         before = np.full(len(self._points), -1, dtype=np.int32)
         replace(self._graph, costs=costs).shorten(sources, found, before, end)
         return found, before
-
-    @cached_property
-    def _costs(self) -> FloatArray:
-        """(E,) lengths of edges, infinite where no path runs."""
-        return np.where(np.isfinite(self._graph.costs), self._lengths, np.inf)

@@ -35,7 +35,7 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
-_GUESSED, _ROUGH, _FULL = 0, 6, 30  # iterations of `flatten` that a cost is based on
+_GUESSED, _ROUGH, _FULL = 0, 3, 30  # iterations of `flatten` that a cost is based on
 _BATCH = 8  # candidates flattened at the same time, for any number of threads
 
 # Iterations over faces that any mesh may use: a few seconds.

@@ -1,0 +1,86 @@
+"""The surface that the charts of a mesh are made of, and what is found out about it once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from texbake.mapping.atlas.charts import ChartSurface, mesh_of
+from texbake.mapping.atlas.cutting.cut import surface_of
+from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.halves import Halves, find_halves
+from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.seams import regions_between
+from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
+from texbake.mesh.objects import face_objects
+from texbake.progress import Stages
+from texbake.records import dataclass
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChartSource:
+    """A mesh to make charts of, or some of its faces; all candidates of `best` share one."""
+
+    mesh: Mesh
+    surface: ChartSurface
+    symmetry: str
+    hide_seams: float
+    joined: bool  # charts will be joined: in `fast`, they are not
+    stages: Stages
+    n_within: int = 0  # hard edges that end within a region, where no seam runs
+
+    @classmethod
+    def of_mesh(
+        cls,
+        mesh: Mesh,
+        options: UnwrapOptions,
+        stages: Stages,
+        *,
+        seams: BoolArray | None = None,
+        protected: BoolArray | None = None,
+        threads: int | None = None,
+    ) -> ChartSource:
+        """The surface of a mesh in its regions; `protected` (F,) faces are not cut apart."""
+        regions, n_within = regions_between(
+            mesh,
+            hard_edges=options.seams_at_hard_edges or options.normals == "angle",
+            angle=options.seam_angle,
+            regions=mesh.face_groups if options.by_group else face_objects(mesh),
+        )
+        surface = surface_of(mesh, regions, threads, seams=seams)
+        symmetry = options.symmetry
+        if protected is not None:  # those on both sides of a mirror plane stay together
+            surface, symmetry = surface.kept_whole(protected), "off"
+        return cls(
+            mesh=mesh,
+            surface=surface,
+            symmetry=symmetry,
+            hide_seams=options.hide_seams,
+            joined=options.quality != "fast",
+            stages=stages,
+            n_within=n_within,
+        )
+
+    def part(self, surface: ChartSurface) -> ChartSource:
+        """Source of a part of the surface."""
+        return ChartSource(
+            mesh=mesh_of(self.mesh, surface),
+            surface=surface,
+            symmetry=self.symmetry,
+            hide_seams=self.hide_seams,
+            joined=self.joined,
+            stages=self.stages,
+        )
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """(F, 3) costs of seams along edges."""
+        with self.stages.stage("weigh edges"):
+            return edge_weights(self.surface, hide=self.hide_seams, joined=self.joined)
+
+    @cached_property
+    def halves(self) -> Halves | None:
+        """The halves about the mirror plane; None if there is none, or it is not asked for."""
+        if self.symmetry == "off":
+            return None
+        with self.stages.stage("find mirror plane"):
+            return find_halves(self.surface, apart=self.symmetry == "overlap")
