@@ -130,12 +130,15 @@ def test_a_miss_stays_where_no_face_faces_the_ray():
     assert report.counts.rays_to_closest == 0
 
 
-def test_what_contradicts_the_closest_point_or_a_cage():
+def test_what_does_not_go_with_the_closest_point():
     sphere = uv_sphere(64, 128)
     with pytest.raises(OptionError, match="maps, on_miss: opacity counts misses"):
         bake(sphere, plane(), BakeOptions(maps=("opacity",), on_miss="closest"))
     with pytest.raises(OptionError, match="max_memory, on_miss"):
         bake(sphere, plane(), BakeOptions(size=16, on_miss="closest", max_memory="1M"))
+
+
+def test_a_cage_and_a_front_distance_contradict_each_other():
     low = uv_sphere(8, 16)
     with pytest.raises(OptionError, match="front, cage"):
         bake(icosphere(3), low, BakeOptions(front=0.1), cage=low)

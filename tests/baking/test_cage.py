@@ -111,7 +111,7 @@ def test_points_beside_the_border_are_a_warning():
     assert any("border" in warning for warning in cage.warnings)
 
 
-def test_vertices_without_a_normal_stay_and_those_whose_normals_cancel_move_little():
+def test_vertices_without_a_normal_stay_with_a_warning():
     low = plane(2, 2)
     line = low.replace(positions=low.positions * [1.0, 0.0, 0.0])
     cage = fit_cage(plane(4, 4), line)
@@ -119,7 +119,10 @@ def test_vertices_without_a_normal_stay_and_those_whose_normals_cancel_move_litt
     assert cage.n_still == line.n_vertices
     assert any("no face around them has an area" in warning for warning in cage.warnings)
     assert fit_cage(plane(4, 4), low).n_still == 0
-    # The normals of a cube and its inside cancel, but for the rounding that a turn makes.
+
+
+def test_normals_that_cancel_move_no_vertex_far():
+    """The normals of a cube and its inside cancel, but for the rounding that a turn makes."""
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     box = cube()
     both = box.replace(

@@ -63,13 +63,16 @@ def test_the_same_result_writes_the_same_bytes_and_is_read_with_its_report(kept,
     assert read_hits(path).report == result.report
 
 
-def test_only_the_faces_that_were_hit_are_kept_or_none_at_all(painted, tmp_path):
+def test_only_the_faces_that_were_hit_are_kept(painted, tmp_path):
     high, low, _ = painted
     # One texel of one face of the low-poly ball.
     result = bake(high, low, BakeOptions(size=8, keep_hits=True, padding=0))
     write_hits(result, tmp_path / "few.npz")
     n_hit = len(np.unique(result.hits.high_faces[result.hits.high_faces >= 0]))
     assert read_hits(tmp_path / "few.npz").inputs.high.n_faces == n_hit < high.n_faces / 50
+
+
+def test_a_bake_without_any_hit_is_kept_too(tmp_path):
     far = plane().replace(positions=plane().positions + np.array([0.0, 0.0, 9.0]))
     options = BakeOptions(size=8, front=0.1, back=0.1, keep_hits=True, maps=("normal", "opacity"))
     write_hits(bake(far, plane(), options), tmp_path / "none.npz")
@@ -77,20 +80,26 @@ def test_only_the_faces_that_were_hit_are_kept_or_none_at_all(painted, tmp_path)
     assert not result.has_data.any() and not result.maps["opacity"].values.any()
 
 
-def test_what_the_file_does_not_have_is_an_error(tmp_path):
+def test_a_map_that_the_bake_could_not_make_is_an_error(tmp_path):
     write_hits(bake(plane(), plane(), BakeOptions(size=8, keep_hits=True)), tmp_path / "a.npz")
     kept = read_hits(tmp_path / "a.npz")
     with pytest.raises(ValueError, match="no vertex colors"):
         remap_hits(kept, BakeOptions(maps=("vertex-color",)))
     with pytest.raises(OptionError, match="ao"):
         remap_hits(kept, BakeOptions(maps=("ao",)))
+
+
+def test_hits_must_have_been_kept(tmp_path):
     result = bake(plane(), plane(), BakeOptions(size=8))
     with pytest.raises(OptionError, match="keep_hits"):
         write_hits(result, tmp_path / "a.npz")
     with pytest.raises(OptionError, match="keep_hits"):
         remap_hits(result, BakeOptions())
+
+
+def test_a_missing_file(tmp_path):
     with pytest.raises(FileError, match="no such file"):
-        read_hits(tmp_path / "none.npz")
+        read_hits(tmp_path / "a.npz")
 
 
 def altered(kept, tmp_path, **changed):

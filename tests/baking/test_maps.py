@@ -59,7 +59,7 @@ def test_a_flat_position_is_exact():
 # Curvature
 
 
-def test_a_sphere_bends_by_one_over_its_radius_and_convexity_and_concavity_are_halves():
+def test_a_sphere_bends_by_one_over_its_radius():
     radius = 4.0
     high = uv_sphere(96, 192).replace(positions=radius * uv_sphere(96, 192).positions)
     low = uv_sphere(12, 24).replace(positions=radius * uv_sphere(12, 24).positions)
@@ -70,6 +70,9 @@ def test_a_sphere_bends_by_one_over_its_radius_and_convexity_and_concavity_are_h
     assert np.median(found) == pytest.approx(1.0 / radius, rel=1e-3)
     assert np.array_equal(maps["convexity"].values, maps["curvature"].values)
     assert not maps["concavity"].values.any()
+
+
+def test_convexity_and_concavity_are_the_halves_of_curvature():
     high = plane(48, 48, lambda x, y: 0.02 * np.sin(20 * x) * np.sin(15 * y))
     maps = baked(high, "curvature", "convexity", "concavity")
     values = {name: item.values for name, item in maps.items()}
@@ -117,10 +120,13 @@ def test_colors_of_ids_are_all_different(n):
     assert len(np.unique(colors, axis=0)) == n + 1
 
 
-def test_a_mesh_without_groups_has_one_id_and_material_ids_differ_from_group_ids():
+def test_a_mesh_without_groups_has_one_id():
     item = baked(plane(), "object-id")["object-id"]
     assert item.legend == ("plane",)
     assert (item.values == 1.0).all()
+
+
+def test_material_ids_differ_from_group_ids():
     high = halves()
     ids = (high.positions[high.faces].mean(axis=1)[:, 1] > 0.5).astype(np.int32)
     above = MeshMaterial(name="above", channels={"base-color": ChannelSource((0.5, 0.0, 1.0))})
@@ -227,12 +233,15 @@ def test_opacity_is_the_share_of_samples_that_hit(samples, share):
     assert (item.values[:, 11:] == 0.0).all()
 
 
-def test_opacity_has_holes_in_its_padding_and_a_fixed_number_of_samples():
+def test_padding_of_opacity_repeats_holes_too():
     low = plane().replace(uvs=0.25 + 0.5 * plane().uvs)
     item = baked(strip(0.5), "opacity", low=low, padding=4, front=0.1, back=0.1)["opacity"]
     # Above the chart: over the strip opaque, over the hole as empty as that.
     assert (item.values[13:16, 20:30] == 1.0).all()
     assert (item.values[13:16, 34:44] == 0.0).all()
+
+
+def test_opacity_needs_a_fixed_number_of_samples():
     with pytest.raises(OptionError, match="opacity counts misses"):
         baked(plane(), "opacity", "normal", samples="adaptive")
 

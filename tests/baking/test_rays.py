@@ -68,7 +68,7 @@ def test_smooth_rays_leave_no_gap_at_a_hard_edge():
         np.testing.assert_allclose(both[0], both[1], atol=1e-15)
 
 
-def test_normals_that_cancel_fall_back_to_the_face_or_send_no_ray():
+def test_normals_that_cancel_fall_back_to_the_face():
     """Two triangles back to back: their smooth normals cancel at every vertex."""
     positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     normals = [[0, 0, 1], [0, 0, -1], [0, 0, 0]]
@@ -79,6 +79,9 @@ def test_normals_that_cancel_fall_back_to_the_face_or_send_no_ray():
     samples = Samples(np.zeros(1, np.int32), np.zeros(1, np.int32), np.array([[0.5, 0.0]]))
     rays = RayField(mesh, LocalFrame.around(mesh), kind="vertex", front=0.1, back=0.1).rays(samples)
     np.testing.assert_allclose(rays.directions, [[0, 0, -1]], atol=1e-15)
+
+
+def test_a_face_without_a_direction_sends_no_ray():
     mesh = Mesh(positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0]], faces=[[0, 1, 2]])
     samples = Samples(np.zeros(1, np.int32), np.zeros(1, np.int32), np.array([[0.3, 0.3]]))
     for kind in "smooth", "vertex", "face":
@@ -143,10 +146,13 @@ def test_masks_of_0_and_1_are_smooth_and_face_rays(samples):
     assert not same(half, smooth) and not same(half, face)
 
 
-def test_an_offset_is_a_factor_of_the_front_distance():
+def test_a_map_of_ones_changes_nothing():
     assert same(baked(offset_map=image(1.0)), baked())
     cage = LOW.replace(positions=LOW.positions * 1.2)
     assert same(baked(offset_map=image(1.0), cage=cage), baked(cage=cage))
+
+
+def test_an_offset_is_a_factor_of_the_front_distance():
     assert same(baked(offset_map=image(0.5)), baked(front=0.05))
     assert same(baked(offset_map=image(2.0)), baked(front=0.2))
 

@@ -41,12 +41,15 @@ def test_every_setting_changes_the_key_and_written_defaults_do_not(name):
     assert len(keys) == 1 + len(kind.choices)
 
 
-def test_inputs_change_the_key_and_assets_and_threads_do_not():
+def test_inputs_change_the_key_and_assets_do_not():
     base = key("repair", {})
     other = {"mesh": [{"called": "a.ply", "sha256": "1"}]}
     called = {"mesh": [{"called": "b.ply", "sha256": "0"}]}
     assert len({base, key("repair", {}, inputs=other), key("repair", {}, inputs=called)}) == 3
     assert key("repair", {}, asset="b") == base
+
+
+def test_threads_are_not_part_of_the_key():
     assert not any("threads" in kind.choices for kind in STEP_KINDS.values())
 
 

@@ -73,13 +73,16 @@ def test_a_mesh_is_wrapped(do, ball):
     assert figures == {"faces": mesh.n_faces, "components": 1, "notes": []}
 
 
-def test_levels_of_detail_by_number_and_within_an_error(do, ball):
+def test_levels_of_detail(do, ball):
     files, figures = do("simplify", {"faces": (100, 40)}, mesh=ball)
     assert list(files) == ["lod0", "lod1"]
     assert [read_mesh(path).n_faces for path in files.values()] == [
         level["faces"] for level in figures["levels"]
     ]
     assert figures["levels"][0]["faces"] <= 100 and figures["levels"][1]["faces"] <= 40
+
+
+def test_levels_of_detail_stay_within_an_error(do, ball):
     files, figures = do("simplify", {"error": "10%"}, mesh=ball)
     assert list(files) == ["lod0"]
     (level,) = figures["levels"]

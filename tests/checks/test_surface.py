@@ -115,7 +115,7 @@ def few_pairs(monkeypatch):
     monkeypatch.setattr(surface, "_MIN_PAIRS_PER_FACE", 1)
 
 
-def test_undecided_faces_are_reported_with_and_without_crossed_ones(few_pairs):
+def test_undecided_faces_are_reported_where_none_is_crossed(few_pairs):
     """Each face of a sphere touches its neighbors, of more than one leaf; none crosses another."""
     mesh = icosphere(3)
     report = check(mesh)
@@ -125,7 +125,10 @@ def test_undecided_faces_are_reported_with_and_without_crossed_ones(few_pairs):
     assert found.count == len(found.faces) > mesh.n_faces / 2
     areas = CheckedMesh(mesh, "high", CheckOptions()).areas
     assert areas[found.faces[0]] == areas[found.faces].max()
-    # Two spheres through one another, and what of it the first leaf of each face shows.
+
+
+def test_undecided_faces_are_reported_beside_crossed_ones(few_pairs):
+    """Two spheres through one another, and what of it the first leaf of each face shows."""
     ball = icosphere(3)
     other = ball.replace(positions=ball.positions + np.array([1.0, 0.1, 0.2]))
     report = check(join_meshes([ball, other]))

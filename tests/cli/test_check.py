@@ -91,10 +91,13 @@ def test_pictures_have_a_panel_for_each_finding(invoke, overlapping):
     assert sides.shape[1] > 3 * sides.shape[0] / n_low  # four panels in each row
 
 
-def test_undrawn_findings_are_named_and_quiet_prints_the_table_alone(invoke, overlapping):
+def test_findings_that_cannot_be_drawn_are_named(invoke):
     result = invoke("check high.ply --layout layout.png")
     assert "layout.png: not drawn" in result.stderr
     assert not Path("layout.png").exists()
+
+
+def test_quiet_prints_the_table_alone(invoke, overlapping):
     lines = invoke(f"check {overlapping} -q", exit_code=1).stdout.splitlines()
     assert lines[0].split()[0] == "severity"
     assert all(line.split()[0] in ("error", "warning", "note") for line in lines[1:])

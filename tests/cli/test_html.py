@@ -45,11 +45,14 @@ def test_a_page_changes_no_other_file(workplace, invoke):
             assert alone.read_bytes() == shown.read_bytes()
 
 
-def test_maps_made_for_the_page_alone_are_named_and_light_maps_have_none(workplace, invoke):
+def test_maps_made_for_the_page_alone_are_named(workplace, invoke):
     invoke("bake high.ply low.obj -o maps --maps displacement --size 64 --html page.html")
     assert not (workplace / "maps" / "normal.png").exists()
     page = (workplace / "page.html").read_text(encoding="utf-8")
     assert page.count("Made for this page; there is no file of it.") == 1
+
+
+def test_light_maps_have_no_page(workplace, invoke):
     (workplace / "room.toml").write_text("", encoding="utf-8")
     line = "bake-lightmap room.toml -o maps --html page.html"
     assert "no such option '--html'" in invoke(line, 2).output

@@ -55,7 +55,7 @@ def test_a_scene_is_drawn_as_the_api_draws_it(invoke, scene):
     np.testing.assert_allclose(pixels("ball.exr"), frame.color[..., :3], rtol=6e-4, atol=1e-6)
 
 
-def test_a_normal_map_in_object_space_is_noticed_and_drawn_and_no_other(invoke, scene):
+def test_a_normal_map_in_object_space_is_noticed_and_drawn(invoke, scene):
     # A sphere's own normals: the picture is that of the sphere without a map.
     invoke("preview ball.obj -o plain.exr --size 64x48")
     invoke("bake-normals ball.obj ball.obj -o known.png --size 256 --space object")
@@ -68,6 +68,9 @@ def test_a_normal_map_in_object_space_is_noticed_and_drawn_and_no_other(invoke, 
         assert right.stderr == ""
         assert np.abs(pixels("right.exr") - pixels("plain.exr")).mean() < 2e-3
     assert np.abs(pixels("wrong.exr") - pixels("plain.exr")).mean() > 2e-2
+
+
+def test_a_normal_map_in_tangent_space_is_not_suspected(invoke, scene):
     write_image(np.full((8, 8, 3), (0.9, 0.5, 0.6), np.float32), "steep.png")
     assert invoke("preview ball.obj -o a.png --size 32x24 --normal-map steep.png").stderr == ""
     write_image(np.zeros((8, 8, 3), np.float32), "black.png")

@@ -77,9 +77,12 @@ def test_bars_leave_one_line_a_stage():
     assert f"  {'[odd] name':<24}    0.25 s" in text
 
 
-def test_table_aligns_values_in_a_pipe_and_on_a_terminal(capsys, monkeypatch):
+def test_table_aligns_values_and_has_no_color_in_a_pipe(capsys):
     table([("Rays", ""), ("cast", "1,000"), ("recovered", "3")])
     assert capsys.readouterr().out == "Rays\ncast       1,000\nrecovered  3\n"
+
+
+def test_columns_on_a_terminal_are_as_wide_as_their_cells(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     monkeypatch.setenv("COLUMNS", "40")
     columns([("face", "Dirichlet"), ("7", "4.0")], numbers=2)
@@ -119,7 +122,7 @@ def timed_lines():
     return Lines(printed.append, lambda: now[0]), printed, now
 
 
-def test_a_stage_of_a_minute_or_more_is_announced_once():
+def test_a_long_stage_is_announced_once():
     lines, printed, now = timed_lines()
     lines.started("bake", 1000, "texels")
     now[0] += 2.0
@@ -129,6 +132,9 @@ def test_a_stage_of_a_minute_or_more_is_announced_once():
     now[0] += 10.0
     lines.advanced("bake", 21)
     assert printed == ["bake takes about 4.2 min"]
+
+
+def test_a_stage_of_less_than_a_minute_is_not_announced():
     lines, printed, now = timed_lines()
     lines.started("bake", 100, "texels")
     now[0] += 5.0

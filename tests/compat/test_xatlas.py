@@ -243,10 +243,13 @@ def test_a_resolution_is_approximately_reached(xatlas):
     assert 220 < math.sqrt(atlas.width * atlas.height) < 290
 
 
-def test_a_density_is_kept_and_with_a_resolution_makes_several_textures(xatlas):
+def test_a_density_is_kept(xatlas):
     atlas = generated(xatlas, (SQUARE, FACES), texels_per_unit=32.0)
     assert atlas.texels_per_unit == pytest.approx(32.0, rel=1e-5)
     assert 32 <= atlas.width <= 40 and 32 <= atlas.height <= 40
+
+
+def test_a_resolution_and_a_density_make_several_textures_of_that_size(xatlas):
     atlas = generated(xatlas, box(), (SQUARE, FACES), resolution=256, texels_per_unit=200.0)
     assert (atlas.width, atlas.height, atlas.atlas_count) == (256, 256, 7)
     assert atlas.texels_per_unit == pytest.approx(200.0, rel=1e-5)

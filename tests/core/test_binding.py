@@ -40,18 +40,27 @@ def arrays(n=4):
     return np.zeros((n, 2)), np.ones(n, dtype=bool), np.zeros(n + 1)
 
 
-def test_the_call_gets_the_sizes_and_the_addresses_of_views_too(add, seen):
+def test_the_call_gets_the_sizes_and_the_addresses(add, seen):
     values, mask, sums = arrays()
     assert add(values, mask, sums, 2.5) == 7
     assert seen == [(4, values.ctypes.data, mask.ctypes.data, sums.ctypes.data, 2.5)]
+
+
+def test_an_array_left_out_is_a_null_pointer(add, seen):
     values, _, sums = arrays()
     add(values, None, sums, 1.0)
-    assert seen[-1][2] is None
+    assert seen[0][2] is None
+
+
+def test_a_view_is_passed_by_its_own_address(add, seen):
     values, mask, sums = arrays(6)
     add(values[2:], mask[2:], sums[2:], 1.0)
-    assert seen[-1][:2] == (4, values.ctypes.data + 2 * 16)
+    assert seen[0][:2] == (4, values.ctypes.data + 2 * 16)
+
+
+def test_empty_arrays_are_arrays(add, seen):
     assert add(*arrays(0), 1.0) == 7
-    assert seen[-1][0] == 0
+    assert seen[0][0] == 0
 
 
 @pytest.mark.parametrize("scale", ["1", None, [1.0]])
@@ -126,8 +135,14 @@ def test_sizes_come_from_the_shapes_that_tell_them():
         for size, sources in declaration("smooth").derived.items()
     }
     assert told == {"n": [("image", 0, 0), ("result", 0, -1)], "width": [("image", 1, 0)]}
+
+
+def test_a_size_that_no_dimension_is_alone_stays_an_argument():
     header = "void fill(int64_t rows, int64_t columns, float image[rows * columns]);"
     assert declaration("fill", header).derived == {}
+
+
+def test_a_function_without_parameters():
     assert set(split_prototypes(HEADER)) == {"smooth", "nothing"}
     assert declaration("nothing").parameters == ()
 

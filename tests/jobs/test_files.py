@@ -79,11 +79,14 @@ def test_a_shape_that_cannot_be_measured_is_not_written(folder, radius):
     assert not output.exists()
 
 
-def test_a_report_comes_back_as_it_was_but_for_numbers_that_json_lacks(tmp_path):
+def test_a_report_comes_back_as_it_was(tmp_path):
     report = {"a": [1, 2.5, None], "b": {"c": True, "d": "é"}, "e": (1, 2)}
     write_report(tmp_path / "r.json", {**report, "f": Path("g/h.png")})
     read = json.loads((tmp_path / "r.json").read_text("utf-8"))
     assert read == {**report, "e": [1, 2], "f": "g/h.png"}
+
+
+def test_numbers_that_json_lacks_are_null(tmp_path):
     write_report(tmp_path / "r.json", {"psnr": math.inf, "deep": [{"mean": math.nan}]})
     text = (tmp_path / "r.json").read_text()
     assert json.loads(text) == {"psnr": None, "deep": [{"mean": None}]}

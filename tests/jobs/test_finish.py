@@ -323,12 +323,15 @@ def test_the_output_is_checked_before_the_work(ball, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["a.glb"]
 
 
-def test_further_maps_are_baked_and_a_preset_chooses_what_is_not_given(ball):
+def test_further_maps_are_baked_and_levels_are_not(ball):
     assert "curvature" in finish(*ball, maps=("curvature",), **SMALL).maps
     with pytest.raises(OptionError, match="levels: a finished model is one mesh"):
         finish(*ball, levels=(100,), **SMALL)
     with pytest.raises(OptionError, match="compare: finish compares nothing"):
         finish(*ball, compare="full", **SMALL)
+
+
+def test_a_preset_chooses_options_that_are_not_given(ball):
     done = finish(*ball, n_faces=300, size=64, preset="unreal")
     assert done.maps["normal"].options.convention == "directx"
 

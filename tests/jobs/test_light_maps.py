@@ -212,7 +212,7 @@ def test_padding_extends_charts_and_the_background_is_black():
     assert (map_.values[31:97, 32:96] == 1.0).all() and (map_.values[:29] == 0.0).all()
 
 
-def test_objects_without_coordinates_overlaps_and_tiles_are_reported():
+def test_objects_without_coordinates_are_reported():
     bare = SceneObject(mesh=Mesh(positions=BALL.mesh.positions, faces=BALL.mesh.faces), name="bare")
     scene = Scene(objects=(FLOOR, bare), lighting=Lighting(lights=(Light(),)), name="room.toml")
     maps = bake_light_maps(scene, BakeOptions(size=8))
@@ -222,6 +222,9 @@ def test_objects_without_coordinates_overlaps_and_tiles_are_reported():
         maps.shown_in(scene)
     with pytest.raises(UvError, match=r"room\.toml: none of its lit objects has the texture"):
         bake_light_maps(replace(scene, objects=(bare,)))
+
+
+def test_overlaps_and_tiles_are_reported():
     mesh = plane(2, 1)
     folded = mesh.replace(uvs=np.abs(mesh.uvs * [2.0, 1.0] - [1.0, 0.0]))
     tiled = mesh.replace(uvs=mesh.uvs * 2.0)

@@ -136,11 +136,14 @@ def test_parts_that_were_dropped_make_no_spikes(name, tmp_path):
     assert compared.displaced.outline_mismatch < 0.5 * compared.bare.outline_mismatch
 
 
-def test_an_error_decides_and_a_default_number_need_not_be_reached(mesh):
+def test_an_error_decides_alone_how_many_triangles_are_left(mesh):
     options = RunOptions(n_faces=200, error="0.1%", size=256, compare="off")
     result = texbake.run(mesh, "asset", options)
     assert result.low.n_faces > 202
     assert result.why_closed == () and result.simplified.distance.max_relative <= 0.001
+
+
+def test_a_default_number_of_triangles_need_not_be_reached(mesh):
     rule = LowNormals("smooth", 60.0)
     maker = LowPolyMaker(high=mesh, n_faces=200, quality="fast", rule=rule, threads=1)
     made = maker.make("never", must_reach=False)

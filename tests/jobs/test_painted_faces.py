@@ -29,11 +29,14 @@ def test_the_image_of_a_ramp_gives_the_centers_of_faces(tmp_path):
     assert np.array_equal(faces, np.flatnonzero(importance_at(path, [mesh])[0] > 0.5))
 
 
-def test_colors_count_times_their_alpha_once(tmp_path):
+def test_what_is_transparent_is_black(tmp_path):
     path = painted(tmp_path / "clear.png", np.ones((4, 4, 4)) * [1.0, 1.0, 1.0, 0.0])
     assert (importance_at(path, [uv_sphere(8, 4)])[0] == 0.0).all()
     with pytest.raises(FileFormatError, match=r"clear\.png: no face of .* is more than half white"):
         protected_at(path, [uv_sphere(8, 4)])
+
+
+def test_colors_that_are_stored_times_their_alpha_count_once(tmp_path):
     pixels = np.full((4, 4, 4), 0.5)  # white, half transparent, where the file stores products
     for name, gray in ("apart.png", 0.25), ("products.exr", 0.5):
         path = painted(tmp_path / name, pixels)

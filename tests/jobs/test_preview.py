@@ -93,7 +93,7 @@ def test_white_materials_do_not_clip_and_black_ones_stay_black(drawn, tmp_path, 
     assert shares[0.0] < 16 < shares[0.2] < shares[1.0] > 120
 
 
-def test_materials_of_an_obj_file_and_colors_of_vertices_are_drawn(drawn, tmp_path):
+def test_materials_of_an_obj_file_are_drawn(drawn, tmp_path):
     texbake.write_mesh(BALL, tmp_path / "ball.obj")
     text = (tmp_path / "ball.obj").read_text(encoding="utf-8")
     (tmp_path / "ball.obj").write_text(f"mtllib ball.mtl\nusemtl paint\n{text}", encoding="utf-8")
@@ -106,6 +106,9 @@ def test_materials_of_an_obj_file_and_colors_of_vertices_are_drawn(drawn, tmp_pa
     assert red > 0.3
     assert green < 0.05
     assert means["0 0 0"].max() < 0.02
+
+
+def test_colors_of_vertices_are_drawn(drawn):
     colors = np.tile([0.0, 0.5, 0.0, 1.0], (BALL.n_vertices, 1))
     done = drawn(BALL.replace(colors=colors), "ball.ply")
     red, green, _ = done.report.color[done.report.coverage == 1.0][:, :3].mean(axis=0)

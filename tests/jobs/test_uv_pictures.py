@@ -27,7 +27,7 @@ def hues(picture):
     return picture / np.maximum(picture.sum(axis=2, keepdims=True), 1e-3)
 
 
-def test_coordinates_repeat_the_checker_and_mirror_it():
+def test_coordinates_outside_the_square_repeat_the_checker():
     mesh = plane()
     here = render_checker(mesh, FRONT)
     there = render_checker(mesh.replace(uvs=mesh.uvs + np.array([3.0, -2.0])), FRONT)
@@ -35,6 +35,10 @@ def test_coordinates_repeat_the_checker_and_mirror_it():
     assert np.abs(front_of(here) - front_of(there)).mean() < 1e-3
     elsewhere = render_checker(mesh.replace(uvs=mesh.uvs + np.array([0.5, 0.0])), FRONT)
     assert np.abs(front_of(here) - front_of(elsewhere)).mean() > 0.1
+
+
+def test_mirrored_coordinates_show_the_checker_mirrored():
+    mesh = plane()
     upright = front_of(render_checker(mesh, FRONT, n_cells=4))
     mirrored = mesh.replace(uvs=mesh.uvs * np.array([-1.0, 1.0]) + np.array([1.0, 0.0]))
     turned = front_of(render_checker(mirrored, FRONT, n_cells=4))

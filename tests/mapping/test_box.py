@@ -125,7 +125,7 @@ def test_noise_does_not_fleck():
     assert len(after) < len(before) / 5 and min(after) > 1
 
 
-def test_the_triangles_of_a_polygon_or_of_an_exact_chamfer_have_one_side():
+def test_the_triangles_of_a_polygon_have_one_side():
     mesh = noisy_slope(0.2)
     quads = mesh.replace(polygon_of=np.arange(mesh.n_faces) // 2)
     apart, together = (box_sides(item)[0].reshape(-1, 2) for item in (mesh, quads))
@@ -133,6 +133,9 @@ def test_the_triangles_of_a_polygon_or_of_an_exact_chamfer_have_one_side():
     assert (apart[:, 0] != apart[:, 1]).sum() > 100
     assert (together[fits, 0] == together[fits, 1]).all()
     assert (face_normals(mesh) * SIDES[together.ravel()]).sum(axis=1).min() >= 0.25
+
+
+def test_an_exact_chamfer_goes_to_one_side():
     assert set(box_sides(noisy_slope(1e-6))[0]) == {2}  # as float32 would leave it
 
 
@@ -149,12 +152,15 @@ def test_a_fleck_in_a_field_follows_it_but_not_where_it_would_be_squashed():
         assert cosines.min() >= 0.25
 
 
-def test_faces_without_area_follow_their_neighbors_or_are_the_front():
+def test_faces_without_area_follow_their_neighbors():
     square = [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1], [0.5, 0, 0.5]]
     # Two halves that face down, and the needle of their diagonal between them.
     mesh = Mesh(positions=square, faces=[[0, 1, 2], [0, 4, 2], [0, 2, 3]])
     assert box_sides(mesh)[0].tolist() == [3, 3, 3]
     assert mapped(mesh).tallies == {"faces without area": 1}
+
+
+def test_without_any_area_all_is_the_front():
     mesh = Mesh(positions=[[0, 0, 0], [1, 1, 1], [2, 2, 2]], faces=[[0, 1, 2], [1, 1, 1]])
     found = mapped(mesh)
     assert found.tallies == {"faces without area": 2}

@@ -51,13 +51,19 @@ def test_two_faces_are_one_chart_among_many_single_faces(turn):
     assert chart_ids(unwrap(mesh, quality="fast")).max() == 1499
 
 
-def test_kept_charts_stay_mirrored_and_have_the_size_of_the_mesh():
+def test_mirrored_charts_stay_mirrored():
     mesh = plane(2, 2)
     mirrored = with_coordinates(mesh, mesh.corner_uvs() * [-1.0, 1.0])
     assert (signed_areas(unwrap(mirrored, keep=True).corner_uvs()) < 0.0).all()
+
+
+def test_charts_have_the_size_of_the_mesh():
     mesh = plane(3, 2)
     charts = existing_charts(mesh.replace(positions=2.0 * mesh.positions), (512, 512))
     assert np.abs(signed_areas(charts.uvs[charts.faces])).sum() == pytest.approx(1.0)
+
+
+def test_there_must_be_coordinates_to_keep():
     with pytest.raises(UvError, match="no texture coordinates"):
         unwrap(cube(), keep=True)
     with pytest.raises(UvError, match="no area in the texture"):

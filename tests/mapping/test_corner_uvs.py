@@ -16,7 +16,7 @@ from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.shapes import cube, plane
 
 
-def test_corners_come_back_bit_for_bit_but_minus_zero_is_zero():
+def test_corners_come_back_bit_for_bit():
     corners = np.random.default_rng(1).integers(0, 3, (500, 3, 2)) / 3.0
     faces = np.random.default_rng(2).integers(0, 50, (500, 3)).astype(np.int32)
     uvs, uv_faces = joined_corners(faces, corners)
@@ -25,9 +25,15 @@ def test_corners_come_back_bit_for_bit_but_minus_zero_is_zero():
         (v, *uv) for v, uv in zip(faces.ravel(), map(tuple, corners.reshape(-1, 2)), strict=True)
     }
     assert len(uvs) == len(keys)
+
+
+def test_equal_places_of_different_vertices_stay_apart():
     # Welding them would join charts that merely touch.
     uvs, _ = joined_corners(np.array([[0, 1, 2], [3, 4, 5]], np.int32), np.zeros((2, 3, 2)))
     assert len(uvs) == 6
+
+
+def test_minus_zero_is_zero():
     corners = np.array(
         [[[0.0, -0.0], [0.0, 1.0], [1.0, 0.0]], [[-0.0, 0.0], [0.0, 1.0], [1.0, -0.0]]]
     )

@@ -84,13 +84,16 @@ def test_a_tube_is_cut_open_once():
     )
 
 
-def test_creases_bound_charts_and_long_ones_are_divided():
+def test_creases_bound_charts():
     box = Mesh(
         positions=np.array([[x, y, z] for x in (0, 1) for y in (0, 2) for z in (0, 3)], float),
         faces=cube().faces,
     )
     (charts,), _ = laid(box, 1.001, area=8.0, length=4.0)
     assert charts.n_charts == 6
+
+
+def test_a_long_chart_is_divided():
     strip = plane(64, 1).replace(positions=plane(64, 1).positions * [16.0, 1.0, 1.0])
     (charts,), _ = laid(strip, 1.001, length=6.0, area=99.0)
     assert charts.n_charts == 4

@@ -60,7 +60,7 @@ def test_a_picture_from_anywhere_is_upright_and_not_mirrored(vector):
     assert normal @ vector > 0.999 * np.linalg.norm(vector)
 
 
-def test_unused_vertices_change_nothing_and_huge_bounds_do_not_overflow():
+def test_a_vertex_that_no_face_uses_changes_nothing():
     positions = np.array([[0.3, 0, 0], [1, 0, 0], [0, 1.7, 0], [1e308, -1e308, 1e308]])
     with_stray = Mesh(positions=positions, faces=[[0, 1, 2]])
     without = Mesh(positions=positions[:3], faces=[[0, 1, 2]])
@@ -68,6 +68,9 @@ def test_unused_vertices_change_nothing_and_huge_bounds_do_not_overflow():
     frame = frame_about((1, 2, 3))
     stray = points_about(with_stray, center_of(with_stray, None), frame)
     assert np.array_equal(stray.points[:3], points_about(without, (0.5, 0.85, 0), frame).points)
+
+
+def test_the_center_of_huge_bounds_does_not_overflow():
     mesh = Mesh(positions=[[1.5e308] * 3, [1.7e308] * 3, [1.6e308] * 3], faces=[[0, 1, 2]])
     assert np.allclose(center_of(mesh, None), 1.6e308, rtol=1e-15)
     assert np.isfinite(points_about(mesh, (-1.7e308,) * 3, frame_about((1, 1, 1))).points).all()

@@ -69,7 +69,10 @@ def test_an_edge_that_ends_within_the_surface_is_told():
     assert "5 hard edges have no seam, because they end within a chart" in report.notes
 
 
-def test_without_normals_or_with_kept_charts_nothing_is_divided():
+def test_without_normals_nothing_is_divided():
     assert regions_between(roof(10.0), hard_edges=True, angle=None) == (None, 0)
+
+
+def test_kept_charts_are_not_cut():
     with pytest.raises(OptionError, match="seam_angle: charts that are kept are not cut"):
         UnwrapOptions(keep=True, seam_angle=30.0)

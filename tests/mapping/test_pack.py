@@ -241,7 +241,7 @@ def test_a_density_is_kept_and_takes_no_more_tiles_than_it_needs():
         assert (np.unique(packing.tiles) == np.arange(packing.n_tiles)).all()
 
 
-def test_a_density_that_does_not_fit_names_what_it_needs():
+def test_a_density_that_needs_more_tiles_reports_how_many():
     charts = rectangles(np.full(10, 6.0), np.full(10, 6.0))
     # At 10 texels per unit two of 60 x 60 fit side by side into 128 x 96, but not on top.
     needed = r"cup: at 10 texels per unit the charts need 5 tiles of "
@@ -249,11 +249,17 @@ def test_a_density_that_does_not_fit_names_what_it_needs():
         pack_charts(*charts, size=SIZE, padding=1, density=10.0, tiles=4, name="cup")
     packing = pack_charts(*charts, size=SIZE, padding=1, density=10.0, tiles=5)
     assert packing.n_tiles == 5
+
+
+def test_a_chart_larger_than_a_tile_names_the_size_that_it_needs():
     charts = rectangles(np.array([6.0, 20.0]), np.array([6.0, 15.0]))
     with pytest.raises(UnwrapError, match=r"cup: at 10 texels .* 200 texels long.* size of 206 or"):
         pack_charts(*charts, size=SIZE, padding=2, density=10.0, tiles=4, name="cup")
     packing = pack_charts(*charts, size=(206, 206), padding=2, density=10.0, tiles=4)
     assert packing.n_tiles == 2
+
+
+def test_too_many_charts_for_all_tiles():
     with pytest.raises(UnwrapError, match="90 charts do not fit into 2 tiles of 128 x 96 texels"):
         pack_charts(*mixed(5, 90), size=SIZE, padding=8, tiles=2)
     with pytest.raises(UnwrapError, match="do not fit into 128 x 96 texels with a padding of 60"):

@@ -52,8 +52,11 @@ def test_every_chart_gets_its_own_map():
     assert areas == pytest.approx([0.5, 0.5, 0.125, 0.125], rel=1e-6)
 
 
-def test_faces_without_area_become_charts_of_their_own_and_no_chart_is_none():
+def test_no_chart_at_all():
     assert repaired(plane(), np.zeros((4, 2)), np.full(4, NO_CHART)) is None
+
+
+def test_faces_of_a_chart_without_area_become_charts_of_their_own():
     for uvs in np.zeros((4, 2)), plane().uvs * [1.0, 0.0]:
         charts = repaired(plane(), uvs, np.zeros(4))
         assert charts is not None and charts.n_charts == 2

@@ -92,10 +92,13 @@ def test_round_warps_keep_points_outside_bit_for_bit(warp):
     assert len(outside) > 1000 and np.array_equal(warp(outside), outside)
 
 
-def test_powers_work_within_tiles_and_names_have_strengths():
+def test_a_power_works_within_each_tile():
     points = np.array([[0.25, -1.5], [2.25, 1.0]])
     assert power(points, 2.0) == pytest.approx(np.array([[0.0625, -1.75], [2.0625, 1.0]]))
     assert np.array_equal(power(GRID, 1.0), GRID)
+
+
+def test_names_have_strengths():
     for name, strength in WARPS.items():
         assert np.array_equal(warp_uvs(GRID, name), warp_uvs(GRID, (name, strength)))
         assert not np.array_equal(warp_uvs(GRID, name), GRID)

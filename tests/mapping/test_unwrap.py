@@ -271,8 +271,11 @@ def test_a_value_that_cannot_be_is_one_clear_error(values, message):
         UnwrapOptions(**values)
 
 
-def test_numbers_of_numpy_are_numbers_and_defaults_need_no_numpy():
+def test_numbers_of_numpy_are_numbers():
     center = tuple(np.float32([1, 2, 3]))
     assert UnwrapOptions(method="spherical", center=center).center == (1.0, 2.0, 3.0)
+
+
+def test_defaults_are_read_without_loading_numpy():
     code = "import sys, texbake.mapping.options; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-P", "-c", code], check=False).returncode == 0

@@ -81,7 +81,10 @@ def test_lines_comments_and_keywords():
     assert (numbers.values.tolist(), numbers.lines.tolist()) == ([1, 2, 3], [0, 2])
 
 
-def test_many_hard_words_and_a_word_that_ends_at_blanks_or_a_backslash():
+def test_more_hard_words_than_there_is_room_for_at_first():
     words = ["9007199254740993"] * 3000  # halfway, so that the kernel settles none
     assert (parse(words) == 9007199254740992.0).all()
+
+
+def test_read_word_stops_at_blanks_and_backslash():
     assert read_word("text", as_bytes("1 2.5\\\n3"), 2) == 2.5

@@ -23,12 +23,15 @@ def test_split_vertices_count_as_one_and_unused_ones_do_not_widen_the_bounds():
     assert (info.closed, info.genus, info.n_components) == (True, 0, 1)
 
 
-def test_faults_are_counted_even_where_there_is_nothing_else():
+def test_faults_are_counted():
     faces = np.concatenate([CUBE_FACES[1:], [CUBE_FACES[2][[1, 2, 0]]], [[0, 0, 1]]])
     info = mesh_info(Mesh(positions=CUBE, faces=faces))
     assert (info.n_degenerate_faces, info.n_duplicate_faces) == (1, 1)
     assert (info.n_boundary_edges, info.n_non_manifold_edges) == (3, 0)  # as without duplicates
     assert (info.closed, info.genus) == (False, None)
+
+
+def test_mesh_of_nothing_but_degenerate_faces():
     info = mesh_info(Mesh(positions=[[0, 0, 0], [1, 0, 0]], faces=[[0, 1, 1], [0, 0, 0]]))
     assert (info.n_degenerate_faces, info.area, info.n_components) == (2, 0.0, 1)
     assert (info.n_boundary_edges, info.closed, info.genus) == (0, False, None)

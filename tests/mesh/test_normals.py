@@ -186,18 +186,21 @@ def test_a_sphere_with_radial_normals_has_one_over_its_radius_exactly(radius):
     np.testing.assert_allclose(found, 1.0 / radius, rtol=1e-12)
 
 
-def test_a_sphere_has_one_over_its_radius_and_inside_out_it_is_hollow():
+def test_a_sphere_with_its_own_normals_has_one_over_its_radius():
     errors = [np.abs(vertex_curvatures(uv_sphere(n, 2 * n)) - 1.0) for n in (32, 64, 128)]
     # Normals that are averaged over faces are off by the squares of their widths in the mean, and
     # about the poles, where the faces are no neighbors' mirror images, by their widths.
     assert errors[2].max() < errors[1].max() / 1.9 < errors[0].max() / 1.9**2 < 0.005
     assert errors[2].mean() < errors[1].mean() / 3.0 < errors[0].mean() / 9.0 < 2e-4
+
+
+def test_turned_inside_out_it_is_hollow():
     ball = icosphere(2)
     inside = ball.replace(faces=ball.faces[:, ::-1])
     np.testing.assert_allclose(vertex_curvatures(inside), -vertex_curvatures(ball), rtol=1e-12)
 
 
-def test_a_cylinder_bends_along_one_way_only_and_a_saddle_both_ways_alike():
+def test_a_cylinder_bends_along_one_way_only():
     step = 2.0 * np.pi * 0.25 / 256
     mesh = make("cylinder", resolution=(256, 8), radius=0.25, height=8.0 * step)
     inner = np.abs(mesh.positions[:, 1]) < 2.5 * step
@@ -205,6 +208,9 @@ def test_a_cylinder_bends_along_one_way_only_and_a_saddle_both_ways_alike():
     found = vertex_curvatures(mesh)[inner]
     assert len(found) == 5 * 256
     np.testing.assert_allclose(found, 2.0, rtol=(np.pi / 256) ** 2)
+
+
+def test_a_saddle_bends_both_ways_alike():
     mesh = plane(64, 64, lambda x, y: 0.5 * ((x - 0.5) ** 2 - (y - 0.5) ** 2))
     found = vertex_curvatures(mesh).reshape(65, 65)
     # Curvatures 1 and -1 in the middle; what is left is the diagonal's, of the size of the squares.
@@ -221,12 +227,15 @@ def test_a_mesh_far_away_bends_as_it_does_here():
     np.testing.assert_allclose(found, vertex_curvatures(ball), atol=1e-8)
 
 
-def test_vertices_at_one_position_agree_and_without_area_they_are_flat():
+def test_vertices_at_one_position_agree():
     ball = icosphere(1)
     split = soup_of(ball)
     np.testing.assert_allclose(
         vertex_curvatures(split)[split.faces], vertex_curvatures(ball)[ball.faces], rtol=1e-12
     )
+
+
+def test_faces_without_area_and_lone_vertices_are_flat():
     mesh = Mesh(
         positions=[[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [9, 9, 9]],
         faces=[[0, 1, 2], [0, 2, 3]],

@@ -68,13 +68,16 @@ def test_corners_without_coordinates_among_others_that_have_them(read):
     assert mesh.normal_faces.tolist() == [[1, 1, 1], [0, 0, 0]]
 
 
-def test_colors_and_weights_after_coordinates(read):
+def test_colors(read):
     mesh = read("v 0 0 0 0.5 0.25 1\nv 1 0 0\nv 1 1 0 7\nf 1 2 3")  # the third has a weight
     assert mesh.colors.tolist() == [[0.5, 0.25, 1], [1, 1, 1], [1, 1, 1]]
     mesh = read("v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 1 1 0\nf 1 2 3")
     np.testing.assert_array_equal(mesh.colors, np.float32([[1, 0, 0.2], [0, 0, 0], [1, 1, 1]]))
     mesh = read("v 0 0 0 1 0 0 .5\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1 1\nf 1 2 3")
     assert mesh.colors.tolist() == [[1, 0, 0, 0.5], [0, 1, 0, 1], [0, 0, 1, 1]]
+
+
+def test_a_weight_is_not_a_coordinate(read):
     mesh = read("v 0 0 0 2\nv 2 0 0 2.0\nv 2 2 0 1\nf 1 2 3")
     assert mesh.positions[1].tolist() == [2, 0, 0]
     assert mesh.colors is None

@@ -3,12 +3,15 @@ import numpy as np
 from texbake.mesh.oklch import diverging, linear_from_oklch
 
 
-def test_grays_and_the_primaries_of_srgb():
+def test_ends_of_lightness():
     # 1e-6: the matrices are published with ten digits.
     assert np.allclose(linear_from_oklch(1.0, 0.0, 0.0), 1.0, atol=1e-6)
     assert np.allclose(linear_from_oklch(0.0, 0.0, 0.0), 0.0)
     # Grays are cubes of their lightness.
     assert np.allclose(linear_from_oklch(0.5, 0.0, 123.0), 0.125, atol=1e-6)
+
+
+def test_primaries_of_srgb():
     # Lightness, chroma and hue of red, green and blue from Ottosson's page.
     lch = np.array(
         [[0.62796, 0.25768, 29.234], [0.86644, 0.29483, 142.495], [0.452, 0.313, 264.05]]

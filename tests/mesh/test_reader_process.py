@@ -69,7 +69,7 @@ def test_the_end_of_the_process_is_one_line(damage, what, said, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_the_kernel_has_the_limits_which_grow_with_the_file(damage):
+def test_the_kernel_has_the_limits(damage):
     said = "; ".join(
         f"assert resource.getrlimit(resource.RLIMIT_{name})[0] {most}"
         for name, most in (("CPU", "== 10"), ("AS", f"< {5 << 30}"))
@@ -77,6 +77,9 @@ def test_the_kernel_has_the_limits_which_grow_with_the_file(damage):
     path = damage(f"{said}; assert 50 < signal.getitimer(signal.ITIMER_REAL)[0] <= 60; os._exit(7)")
     with pytest.raises(FileFormatError, match="exit code 7"):
         read_mesh(path)
+
+
+def test_limits_grow_with_the_file():
     assert seconds_allowed(0) == 10
     assert seconds_allowed(400_000_000) == 110
     assert memory_allowed(1000) == 1 << 30

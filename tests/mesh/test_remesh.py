@@ -137,16 +137,22 @@ def test_cavities_are_kept_on_request_and_filled_otherwise(name):
     assert unreported.positions.tobytes() == filled.positions.tobytes()
 
 
-def test_cavities_and_thin_walls_are_kept_and_narrow_cavities_filled():
+def test_a_cavity_of_a_torn_mesh_is_kept():
     inner = flipped(moved(holed(icosphere(5), 3, 0.2), scale=0.5))
     torn = joined(holed(icosphere(5), 6, 0.2), inner)
     result = wrapped(torn, resolution=64, close=0.3, keep_interior=True)
     assert by_volume(result) == pytest.approx(4.0 / 3.0 * np.pi * np.array([1.0, -0.125]), rel=0.05)
+
+
+def test_the_walls_of_a_thin_shell_are_kept():
     shell = joined(BALL, flipped(moved(BALL, scale=0.95)))  # 1.2 voxels
     result, report = remesh_with_report(shell, RemeshOptions(resolution=48, keep_interior=True))
     wrapped(shell, keep_interior=True)
     assert report.n_cavities_kept == 1 and report.n_components == 1
     assert surface_distance(result, shell).max < 0.25 * report.voxel
+
+
+def test_a_cavity_narrower_than_the_closed_gaps_is_filled():
     mesh, _, _ = HOLLOW["ball"]
     _, report = remesh_with_report(
         mesh, RemeshOptions(resolution=48, keep_interior=True, close=1.1)
@@ -154,7 +160,7 @@ def test_cavities_and_thin_walls_are_kept_and_narrow_cavities_filled():
     assert (report.n_components, report.n_cavities_kept) == (1, 0)
 
 
-def test_cavities_stay_with_their_parts_and_survive_simplification():
+def test_cavities_stay_with_their_parts():
     hollow, _, unit = HOLLOW["ball"]
     small = moved(hollow, scale=0.6, by=(2, 0, 0))
     inner = moved(BALL, scale=0.3)
@@ -166,6 +172,9 @@ def test_cavities_stay_with_their_parts_and_survive_simplification():
     ):
         result = wrapped(both, resolution=96, components=components, keep_interior=True)
         assert by_volume(result) == pytest.approx(unit * np.array(shares), rel=0.02)
+
+
+def test_cavities_survive_simplification():
     mesh, volumes, unit = HOLLOW["ball"]
     result = wrapped(mesh, keep_interior=True, n_faces=600)
     assert 580 <= result.n_faces <= 600
@@ -247,9 +256,12 @@ def test_colors_and_groups_come_from_the_nearest_points():
     assert (result.face_groups[above] == 1).all()
 
 
-def test_wrong_options_and_meshes_and_too_few_faces_are_refused():
+def test_tunnels_that_need_more_faces_are_an_error():
     with pytest.raises(MeshError, match=r"4 triangles cannot be reached, .* `close`"):
         wrapped(make("torus"), n_faces=4)
+
+
+def test_wrong_options_and_meshes_are_refused():
     for close in ("wide", "-1%", "nan", -0.5):
         with pytest.raises(OptionError, match=r"close: .* is not a width"):
             RemeshOptions(close=close)

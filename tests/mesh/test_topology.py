@@ -160,10 +160,13 @@ def test_the_visible_side(mesh, scale, place):
         assert surface_side(Mesh(positions=positions, faces=faces)) == "both"
 
 
-def test_the_side_of_many_faces_and_of_a_sheet_with_two_sides():
+def test_the_side_of_many_faces_does_not_depend_on_threads():
     ball = icosphere(7)
     assert ball.n_faces > 1 << 17
     assert [surface_side(ball, threads=n) for n in (1, 2)] == ["front", "front"]
+
+
+def test_a_sheet_with_two_sides_is_closed():
     positions = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
     assert surface_side(Mesh(positions=positions, faces=[[0, 1, 2], [2, 1, 0]])) == "front"
 
@@ -195,7 +198,7 @@ def test_many_rows_with_any_number_of_threads(dtype):
     assert weld_rows(rows, threads=3).tobytes() == firsts.tobytes()
 
 
-def test_rows_that_differ_stay_apart_and_equal_ones_are_one():
+def test_rows_that_differ_have_hashes_all_over():
     """One hash for all would find the same rows, in time that grows with their square."""
     words = np.arange(60_000, dtype=np.uint32).reshape(-1, 3)
     keys = np.random.default_rng(2).integers(0, 2**64, 4, np.uint64)
@@ -203,10 +206,19 @@ def test_rows_that_differ_stay_apart_and_equal_ones_are_one():
     core.hash_rows(words, keys, 0, len(words), hashes)
     assert len(np.unique(hashes)) > 0.999 * len(words)
     assert np.ptp(np.bincount(hashes >> np.uint32(28), minlength=16)) < 0.2 * len(words) / 16
+
+
+def test_neighboring_floats_stay_apart():
     rows = np.array([[1.0], [np.nextafter(1.0, 2.0)], [1.0]])
     assert weld_rows(rows).tolist() == [0, 1, 0]
+
+
+def test_rows_are_left_as_they_are():
     rows = np.array([[-0.0, 1.0], [0.0, 1.0]])
     rows.flags.writeable = False
     assert weld_rows(rows).tolist() == [0, 0]
     assert np.signbit(rows[0, 0])
+
+
+def test_all_rows_equal():
     assert not weld_rows(np.zeros((20_000, 3))).any()

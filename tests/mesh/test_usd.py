@@ -113,7 +113,7 @@ def test_a_place_far_from_the_origin_is_kept_by_the_transform(path):
     assert np.abs(read_usd(path).positions - far.positions).max() < 1e-6
 
 
-def test_axes_unit_and_left_handed_faces_become_the_houses(stage_file):
+def test_axes_and_unit_become_the_houses(stage_file):
     points = QUAD_POINTS
     np.testing.assert_array_equal(read_usd(stage_file()).positions, points)
     x, y, z = points.T
@@ -121,6 +121,9 @@ def test_axes_unit_and_left_handed_faces_become_the_houses(stage_file):
     np.testing.assert_array_equal(read_usd(stage_file(head='upAxis = "Z"')).positions, turned)
     centimeters = read_usd(stage_file(head='upAxis = "Z"\nmetersPerUnit = 0.01'))
     np.testing.assert_allclose(centimeters.positions, turned * 0.01, rtol=1e-15)
+
+
+def test_left_handed_faces_are_turned(stage_file):
     right = read_usd(stage_file())
     left = read_usd(stage_file('uniform token orientation = "leftHanded"'))
     np.testing.assert_array_equal(left.faces, right.faces[:, ::-1])

@@ -42,9 +42,12 @@ def test_torn_surfaces_have_the_winding_of_their_solid_angle():
     assert winding_numbers(POSITIONS, faces, points) == pytest.approx(expected, abs=0.02)
 
 
-def test_threads_change_no_number_and_nothing_winds_around_nothing():
+def test_every_number_of_threads_gives_the_same_numbers():
     points = points_at(35.0)
     one, *others = (winding_numbers(POSITIONS, BALL.faces, points, threads=n) for n in (1, 2, 3, 4))
     assert all(one.tobytes() == other.tobytes() for other in others)
+
+
+def test_nothing_winds_around_nothing():
     assert len(winding_numbers(POSITIONS, BALL.faces, np.empty((0, 3)))) == 0
     assert winding_numbers(POSITIONS, BALL.faces[:0], np.zeros((2, 3))).tolist() == [0.0, 0.0]

@@ -49,12 +49,15 @@ def test_clean_and_open_surfaces_stay(mesh):
     assert reason_to_wrap(mesh, 100) is None
 
 
-def test_an_inside_or_edges_of_three_faces_are_a_reason():
+def test_an_inside_is_a_reason():
     # The inner ball has 0.64 of the area of the outer one: 39 % of the whole.
     assert reason_to_wrap(DOUBLED, 100).text == "39 % of its surface lies inside"
     closed, width, _ = next(wraps(DOUBLED, 100))
     assert find_edges(closed.faces).closed and width == 0.0
     assert np.linalg.norm(closed.positions, axis=1).min() > 0.99
+
+
+def test_edges_of_three_faces_are_a_reason():
     n_torn = int(np.count_nonzero(find_edges(FINS.faces).non_manifold))
     assert n_torn == 0  # until vertices at one place are joined
     assert "edges have more than two faces" in reason_to_wrap(FINS, 100).text

@@ -143,7 +143,7 @@ def test_nothing_is_added_where_it_would_move_samples():
         assert page_options(options) is options
 
 
-def test_a_histogram_counts_and_shows_little():
+def test_a_histogram_counts():
     values = np.repeat([0.0, 1.0, 2.0], [100, 300, 50])
     svg = histogram_svg(values, title="t", unit="u")
     heights = [
@@ -153,6 +153,9 @@ def test_a_histogram_counts_and_shows_little():
     assert len(heights) == 3
     np.testing.assert_allclose(np.array(heights) / heights[1], [1 / 3, 1.0, 1 / 6], atol=1e-3)
     assert ": 66.67 %" in svg and "median 1<" in svg
+
+
+def test_a_histogram_of_little():
     assert histogram_svg(np.array([]), title="", unit="") == ""
     assert histogram_svg(np.array([np.nan, np.inf]), title="", unit="") == ""
     for value in 0.0, 3.0, -1e-12, 1e30:

@@ -52,12 +52,15 @@ def test_the_bounding_sphere_fills_the_shorter_side(size):
     assert np.abs(seen[:, 0 if width < height else 1]).max() > 0.94
 
 
-def test_meshes_are_framed_together_and_a_distance_is_kept():
+def test_meshes_are_framed_together():
     left = cube()
     right = left.replace(positions=left.positions + np.array([10.0, 0, 0]))
     camera = Camera.framing(left, right, options=RenderOptions(view=(0, 0)))
     np.testing.assert_allclose(camera.eye[:2], [5, 0], atol=1e-12)
     assert np.abs(ndc(camera, [[-0.5, 0, 0], [10.5, 0, 0]], 16 / 9)[:, :2]).max() < 1.0
+
+
+def test_a_distance_is_kept():
     camera = Camera.framing(cube(), options=RenderOptions(view=(12, 34, 7.5)))
     assert np.linalg.norm(camera.eye) == pytest.approx(7.5)
 
@@ -141,10 +144,13 @@ def test_strays_do_not_count(mesh, triangle):
     np.testing.assert_array_equal(found.eye, alone.eye)
 
 
-def test_large_or_near_parts_are_no_strays_and_a_point_has_a_camera():
+def test_large_or_near_parts_are_no_strays():
     options = RenderOptions()
     for triangle in FAR * (1.0, 500.0, 1.0), FAR - (495.0, 0.0, 0.0):
         assert fill_picture([with_stray(BALL, triangle)], options)[1] == 0
+
+
+def test_a_mesh_without_extent_has_a_camera():
     point = Mesh(positions=np.ones((3, 3)), faces=[[0, 1, 2]])
     camera = fill_picture([point], RenderOptions())[0]
     assert np.linalg.norm(camera.eye - 1.0) == pytest.approx(2.2)

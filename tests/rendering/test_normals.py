@@ -18,7 +18,7 @@ def kept(wall, material, **fields):
     return draw(prepare(scene, wall.options), wall.camera, keep=("normals",)).normals
 
 
-def test_normals_of_vertices_are_interpolated_and_made_unit_or_those_of_faces(wall):
+def test_normals_of_vertices_are_interpolated_and_made_unit(wall):
     rng = np.random.default_rng(2)
     corners = rng.normal(size=(4, 3)) * 0.3 + (0, 0, 1)
     corners /= np.linalg.norm(corners, axis=1, keepdims=True)
@@ -31,6 +31,9 @@ def test_normals_of_vertices_are_interpolated_and_made_unit_or_those_of_faces(wa
     expected = np.where((u >= v)[..., None], below, above) @ corners
     expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
     np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def test_normals_without_length_are_those_of_their_faces(wall):
     fields = {"normals": np.zeros((1, 3)), "normal_faces": np.zeros((2, 3), np.int32)}
     found = kept(wall, Material(), **fields)
     np.testing.assert_array_equal(found, np.broadcast_to([0, 0, 1], found.shape))

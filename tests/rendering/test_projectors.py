@@ -253,7 +253,7 @@ def side_points(height):
     return np.where(along > 0.0, camera.eye + along * rays, np.nan)[..., [0, 2]]
 
 
-def test_a_picture_is_not_thrown_on_what_is_hidden_or_faces_away():
+def test_a_picture_is_not_thrown_on_what_is_hidden():
     """The shadow of a shelf half way down is twice as wide on the floor."""
     plain, hidden = shelf_scene(), shelf_scene(occlusion=True)
     widest = np.abs(side_points(0.0)).max(axis=-1)
@@ -262,7 +262,10 @@ def test_a_picture_is_not_thrown_on_what_is_hidden_or_faces_away():
     np.testing.assert_array_equal(plain[lit | dark], 1.0)
     np.testing.assert_array_equal(hidden[lit], 1.0)
     np.testing.assert_array_equal(hidden[dark], 0.5)
-    # The camera sees the shelf from below and the floor from above.
+
+
+def test_a_picture_is_not_thrown_on_what_faces_away():
+    """The camera sees the shelf from below and the floor from above."""
     plain, facing = shelf_scene(), shelf_scene(facing=True)
     below = np.abs(side_points(2.0)).max(axis=-1) < 0.48
     floor = np.abs(side_points(0.0)).max(axis=-1) < 2.2

@@ -208,7 +208,7 @@ def test_a_mapping_gives_coordinates(folder):
     assert item.mapping.method == "spherical" and apply_mapping(item).mesh.uvs is not None
 
 
-def test_shapes_and_the_flat_sides_of_a_cube(folder):
+def test_shapes(folder):
     def mesh(text):
         return read(folder, f"[[objects]]\n{text}").objects[0].mesh
 
@@ -217,6 +217,9 @@ def test_shapes_and_the_flat_sides_of_a_cube(folder):
     assert mesh('shape = "torus"\nresolution = [8, 6]\nminor_radius = 0.3').n_faces == 96
     # A picture of 4 x 2 pixels: a vertex each.
     assert mesh('shape = "height-field"\nimage = "gray.png"').n_vertices == 8
+
+
+def test_a_cube_has_flat_sides(folder):
     (item,) = read(folder, "[[objects]]\nshape = 'cube'").objects
     corners = item.mesh.positions[item.mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -32,11 +32,14 @@ def values_at(points, **parameters):
     return found.reshape(*points.shape[:-1], 1)
 
 
-def test_a_procedure_is_evaluated_where_the_point_lies_or_on_the_texture(wall):
+def test_a_procedure_is_evaluated_where_the_point_lies(wall):
     found = wall.light(unlit(procedure(scale=(0.7, 0.3, 1.0))))
     expected = values_at(wall.points * (0.7, 0.3, 1.0))
     np.testing.assert_allclose(found, expected.repeat(3, -1), **CLOSE)
     assert np.ptp(found) > 0.5
+
+
+def test_a_procedure_on_the_texture_takes_its_coordinates(wall):
     found = wall.light(unlit(procedure(space="uv", scale=7.0)))
     np.testing.assert_allclose(found, values_at(wall.uvs * 7.0).repeat(3, -1), **CLOSE)
 
@@ -121,10 +124,13 @@ def test_vertex_colors_multiply_the_base_color(wall):
     )
 
 
-def test_sources_mix_in_one_material_and_numbers_take_values_of_procedures(wall):
+def test_constants_images_and_procedures_mix_in_one_material(wall):
     image = ImageTexture(image=np.full((2, 2, 3), (0.2, 0.4, 0.6), np.float32))
     found = wall.light(unlit(image, emission=procedure()))
     np.testing.assert_allclose(found, values_at(wall.points) + np.array((0.2, 0.4, 0.6)), **CLOSE)
+
+
+def test_a_slot_of_one_number_takes_the_value_of_a_procedure(wall):
     # Opacity over white: the value is what the base color counts for.
     material = unlit((0.0, 0.0, 0.0), opacity=procedure())
     frame = wall.frame(material)

@@ -35,9 +35,12 @@ def unmirrored(wall, least=0.0):
     return (1.0 - least) * (1.0 - (1.0 - wall.to_eye[..., 2:]) ** 5)
 
 
-def test_a_sheet_shows_what_lies_behind_it_times_what_it_does_not_mirror(wall):
+def test_a_clear_sheet_shows_what_lies_behind_it(wall):
     expected = unmirrored(wall) * behind_glass(wall, CLEAR, visible=False)
     np.testing.assert_allclose(behind_glass(wall, CLEAR), expected, rtol=1e-5)
+
+
+def test_a_sheet_tints_what_it_does_not_mirror(wall):
     color = np.array((0.9, 0.5, 0.2))
     glass = replace(
         CLEAR, base_color=tuple(color), ior=1.5, transmission=Transmission(strength=0.75)

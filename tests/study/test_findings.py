@@ -31,6 +31,9 @@ def test_between_two_settings_error_falls_as_a_power_of_time():
     assert found["16"].share == pytest.approx(4.0 / 16.0)
     assert not found["16"].is_most
     assert (found["4"].share, found["4"].is_most) == (0.5, True)
+
+
+def test_the_page_says_so_in_a_sentence():
     assert "“adaptive” reaches the 1° of “16” in 0.25 of its time (interpolated)." in findings(
         result()
     )
@@ -68,10 +71,13 @@ def test_a_free_or_perfect_step_pays_without_bound():
     assert convergence_order((1.0, 2.0), (9.0, 0.0)) == math.inf
 
 
-def test_the_knee_is_where_power_laws_meet_and_a_poor_step_may_pay_later():
+def test_the_knee_of_two_power_laws_is_where_they_meet():
     """Error falls as 1/t up to t = 8, then only as t^-1/4."""
     points = [(t, 1.0 / t if t <= 8.0 else (8.0 / t) ** 0.25 / 8.0) for t in (1, 2, 4, 8, 16, 32)]
     assert knee(points, pareto_front(points)) == 3
+
+
+def test_a_poor_step_is_taken_where_the_next_makes_up_for_it():
     points = [(1.0, 1.0), (2.0, 0.9), (4.0, 0.1)]
     assert knee(points, pareto_front(points)) == 2
     assert knee([], []) is None

@@ -42,7 +42,7 @@ class Machine:
         return run_experiment(bench, clock=self.clock, **options)
 
 
-def test_each_round_has_every_setting_once_in_an_order_by_the_seed():
+def test_each_round_has_every_setting_once_in_a_changing_order():
     machine = Machine({name: [1.0] for name in "abcdef"})
     machine.run(repeats=8, seconds=100.0)
     rounds = [tuple(machine.worked[i : i + 6]) for i in range(0, 6 * 9, 6)]
@@ -50,6 +50,9 @@ def test_each_round_has_every_setting_once_in_an_order_by_the_seed():
     assert rounds[0] == tuple("abcdef")
     assert all(sorted(order) == list("abcdef") for order in rounds)
     assert len(set(rounds[1:])) > 4
+
+
+def test_the_order_is_the_same_in_every_run_and_another_with_another_seed():
     orders = []
     for seed in ("a knob", "a knob", "another"):
         machine = Machine({name: [1.0] for name in "abcdef"})
@@ -94,11 +97,14 @@ def test_products_are_judged_once_each():
     assert [trial.outcome.error for trial in trials] == [2.0, 3.0]
 
 
-def test_slow_settings_are_run_twice_unless_one_repeat_is_asked_for():
+def test_slow_settings_are_run_less_often_but_twice():
     machine = Machine({"quick": [1.0], "slow": [6.0], "slowest": [40.0]})
     machine.run(repeats=5, seconds=10.0)
     # Of the slowest the first run counts as one of its two.
     assert Counter(machine.worked) == {"quick": 6, "slow": 3, "slowest": 2}
+
+
+def test_one_repeat_is_one_run():
     machine = Machine({"a": [1.0]})
     (trial,) = machine.run(repeats=1, seconds=0.5)
     assert len(trial.seconds) == 1
@@ -127,7 +133,7 @@ def test_memory_is_that_of_a_run_in_which_nothing_is_loaded_any_more():
         assert trial.peak_bytes is None or trial.peak_bytes < 16 << 20
 
 
-def test_peak_memory_is_what_the_work_took_at_most_whatever_was_before():
+def test_peak_memory_is_what_the_work_took_at_most():
     def work():
         large = np.ones(64 * MB, np.uint8)
         total = int(large[:: 64 * MB - 1].sum())
@@ -138,6 +144,9 @@ def test_peak_memory_is_what_the_work_took_at_most_whatever_was_before():
     assert result == 2
     # Where Linux knows it: the array, and little more.
     assert peak is None or 60 * MB < peak < 80 * MB
+
+
+def test_an_earlier_peak_is_forgotten():
     _, large = with_peak_memory(lambda: np.ones(64 * MB, np.uint8).sum())
     _, small = with_peak_memory(lambda: np.ones(4 * MB, np.uint8).sum())
     if large is not None:

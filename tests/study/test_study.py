@@ -393,9 +393,12 @@ def test_a_knob_that_does_not_fit_is_left_out_and_told(tmp_path):
     assert "low-poly is left out: " in page and "has 12 triangles" in page
 
 
-def test_nothing_that_fits_and_half_a_pair_are_refused():
+def test_a_study_of_nothing_that_fits_is_one_clear_error():
     with pytest.raises(MeshError, match=r"^study low-poly: .* has 12 triangles, too few"):
         run_study(cube(), cube(), options=StudyOptions(quick=True, knobs=("low-poly",)))
+
+
+def test_half_a_pair_is_refused():
     with pytest.raises(OptionError, match="a high-poly and a low-poly mesh"):
         run_study(plane())
 

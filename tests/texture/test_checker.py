@@ -11,7 +11,7 @@ def cells(image, n):
     return image.reshape(n, side, n, side, 3).swapaxes(1, 2)[::-1]
 
 
-def test_each_cell_has_its_own_color_of_a_scale_that_goes_on_across_columns():
+def test_each_cell_has_its_own_color_and_neighbors_differ_in_lightness():
     colors = cells(checker_image(512, 16), 16)[:, :, 0, 0]
     assert len(np.unique(colors.reshape(-1, 3), axis=0)) == 256
     luminance = colors @ [0.2126, 0.7152, 0.0722]
@@ -20,6 +20,10 @@ def test_each_cell_has_its_own_color_of_a_scale_that_goes_on_across_columns():
     assert (light == (np.indices((16, 16)).sum(axis=0) % 2 == 1)).mean() > 0.9
     steps = np.abs(np.diff(luminance, axis=1)), np.abs(np.diff(luminance, axis=0))
     assert min(step.min() for step in steps) > 0.05
+
+
+def test_hues_of_a_column_continue_in_the_next():
+    colors = cells(checker_image(512, 16), 16)[:, :, 0, 0]
     last, after, before = colors[-1, 1:-1], colors[0, 2:], colors[0, :-2]
     away = [np.linalg.norm(last - first, axis=1) for first in (after, before)]
     assert (away[0] < 0.5 * away[1]).all()

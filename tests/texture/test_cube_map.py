@@ -141,11 +141,14 @@ def test_reducing_by_a_fraction_follows_a_smooth_function():
     )
 
 
-def test_sizes_that_cannot_be_and_levels_that_do_not_fit_together(noise):
+def test_reducing_to_a_size_that_cannot_be(noise):
     assert shrink_cube(noise, 7) is noise
     for size in 0, 8:
         with pytest.raises(OptionError, match=f"size: {size} is not from 1 to 7"):
             shrink_cube(noise, size)
+
+
+def test_levels_that_do_not_fit_together(noise):
     with pytest.raises(OptionError, match="levels: 0 cube maps"):
         CubeChain.of([])
     with pytest.raises(OptionError, match=r"levels: 2 cube maps with \[1, 3\] channels"):

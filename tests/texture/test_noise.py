@@ -117,7 +117,7 @@ def test_values_of_octaves_are_the_sums_scaled_to_0_and_1(points, weight):
         np.testing.assert_allclose(found[:, 0], np.clip(expected, 0, 1), atol=1e-7)
 
 
-def test_octaves_fade_from_the_finest_to_the_mean(points):
+def test_octaves_keep_a_quarter_cell_per_pixel_and_fade_to_the_mean_at_one(points):
     np.testing.assert_array_equal(
         signed_noise(points, np.full(len(points), 0.25)), signed_noise(points)
     )
@@ -125,7 +125,10 @@ def test_octaves_fade_from_the_finest_to_the_mean(points):
     size = WEIGHTS["cubic"].size[1]
     faded = turbulence_sum(points, np.full(len(points), np.inf), octaves=3)
     np.testing.assert_allclose(faded, size * 1.75, rtol=1e-6)
-    # In a pixel of half a unit the octaves of 1/2 unit and finer are gone; the others are not.
+
+
+def test_octaves_fade_from_the_finest(points):
+    """In a pixel of half a unit the octaves of 1/2 unit and finer are gone; the others are not."""
     width = np.full(len(points), 0.5)
     kept = 1.0 - (lambda t: t * t * (3.0 - 2.0 * t))((0.5 - 0.25) / 0.75)
     np.testing.assert_allclose(fractal_sum(points, width), kept * signed_noise(points), atol=1e-15)

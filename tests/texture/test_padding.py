@@ -119,11 +119,17 @@ def test_fill_keeps_numbers_that_float32_cannot_hold(value):
     assert min(value, value // 2) <= filled[0, 1] <= max(value, value // 2)
 
 
-def test_padding_leaves_out_infinite_values_and_takes_any_type_and_order():
+def test_fill_leaves_out_infinite_values():
     filled = fill([[[1.0, 2.0], [0.0, 0.0], [np.inf, 4.0]]], [[1, 0, 1]])
     assert filled[0, 1].tolist() == [1.0, 2.0]
+
+
+def test_padding_copies_integers_of_any_size():
     filled = fill(np.array([[2**64 - 1, 0]], np.uint64), [[1, 0]], padding=1)
     assert filled.tolist() == [[2**64 - 1] * 2]
+
+
+def test_fill_takes_any_order_of_memory():
     rng = np.random.default_rng(1)
     planes, mask = rng.random((3, 9, 7)), rng.random((7, 9)).T < 0.4
     texels = planes.transpose(1, 2, 0)

@@ -180,7 +180,7 @@ def test_wrong_options_are_errors(options, message):
         sample(mip_chain(random_image(4, 4)), **arguments)
 
 
-def test_shapes_must_fit_a_texture_and_filters_are_those_of_scenes():
+def test_shapes_that_do_not_fit_a_texture_are_errors():
     image = random_image(4, 4)
     with pytest.raises(OptionError, match="uvs: the shape"):
         sample_texture(image, np.zeros((2, 3)))
@@ -188,6 +188,9 @@ def test_shapes_must_fit_a_texture_and_filters_are_those_of_scenes():
         sample_texture(image, np.zeros((2, 2)), np.zeros((1, 4)), filter="ewa")
     with pytest.raises(OptionError, match="derivatives: the shape"):
         mip_levels(np.zeros((3, 2)), 4, 4)
+
+
+def test_filters_and_wraps_are_those_of_scenes():
     assert FILTERS == textures.FILTERS
     assert FILTERS_WITH_FOOTPRINT == textures.FILTERS_WITH_FOOTPRINT
     assert set(WRAPS) == set(textures.WRAPS)

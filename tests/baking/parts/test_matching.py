@@ -26,13 +26,16 @@ def test_numbers_may_follow_and_letters_may_not():
     assert found["high_left_over"] == ["body_highlight"]
 
 
-def test_ignored_parts_are_not_matched_and_suffixes_have_any_characters():
+def test_ignored_parts_are_not_matched():
     found = matched(["a_high", "a_high_ignore", "b_high_ignored"], ["a_low", "c_low_ignore", "d"])
     assert found["matches"] == [{"base": "a", "low": "a_low", "high": ["a_high"]}]
     assert found["high_ignored"] == ["a_high_ignore"]
     assert (found["low_ignored"], found["low_left_over"]) == (["c_low_ignore"], ["d"])
     # `_ignored` is not the suffix `_ignore`, so this is a part of b.
     assert [m["base"] for m in matched(["b_high_ignored"], ["b_low"])["matches"]] == ["b"]
+
+
+def test_suffixes_may_contain_special_characters():
     options = PartsOptions(match_by_name=True, high_suffix=".hp+", low_suffix="(lp)")
     assert matched(["a.hp+2"], ["A(LP)"], options)["matches"][0]["base"] == "A"
 

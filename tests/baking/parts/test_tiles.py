@@ -39,9 +39,12 @@ def test_faces_in_no_tile_are_counted(shift):
     assert (tiles.numbers, tiles.n_outside) == ([1001], 2)
 
 
-def test_a_face_over_everything_needs_one_tile_and_one_without_area_none():
+def test_a_face_over_everything_needs_one_tile():
     wide = np.array([[[-1e6, -1e6], [1e6, -1e6], [2.5, 2e6 + 1.0]]])
     assert len(Tiles.of(wide).numbers) <= 1
+
+
+def test_faces_without_area_need_no_tile():
     assert Tiles.of(np.concatenate([UNIT + np.array([2.0, 0.0]), np.zeros((1, 3, 2))])).numbers == [
         1003
     ]

@@ -51,10 +51,13 @@ def test_a_checker_has_cells_of_8_texels():
     np.testing.assert_array_equal(values[inner], np.where(odd, 1.0 - first, first)[inner])
 
 
-def test_a_ramp_maps_the_values_of_the_procedure():
+def test_a_ramp_of_one_color_gives_that_color():
     options = SolidOptions(procedure="marble", colors=((0.2, 0.4, 0.6),), size=16)
     values = bake_solid(uv_sphere(8, 8), options).values
     np.testing.assert_allclose(values, np.broadcast_to((0.2, 0.4, 0.6), values.shape), atol=1e-6)
+
+
+def test_a_ramp_maps_the_values_of_the_procedure():
     plain = SolidOptions(procedure="noise", scale=5.0, size=16, samples=1)
     colored = dataclasses.replace(plain, colors=((0.0, 1.0, 0.5), (1.0, 0.0, 0.5)))
     value, color = bake_solid(plane(), plain).values, bake_solid(plane(), colored).values
@@ -89,7 +92,7 @@ def test_sample_steps_of_a_stretched_plane():
     )
 
 
-def test_wrong_input_and_a_mesh_too_small_to_be_scaled_are_one_clear_error():
+def test_wrong_input_is_one_clear_error():
     bare = Mesh(positions=[[0, 0, 0], [1, 0, 0], [0, 1, 0]], faces=[[0, 1, 2]], name="a.obj")
     with pytest.raises(UvError, match=r"a\.obj: it has no texture coordinates"):
         bake_solid(bare)
@@ -103,6 +106,9 @@ def test_wrong_input_and_a_mesh_too_small_to_be_scaled_are_one_clear_error():
         name = next(iter(wrong)).replace("parameters", "speed")
         with pytest.raises(OptionError, match=name):
             SolidOptions(**wrong)
+
+
+def test_a_mesh_too_small_to_be_scaled_is_refused():
     tiny = plane()
     tiny = tiny.replace(positions=tiny.positions * 1e-310)
     with pytest.raises(MeshError, match="too small for a procedure; scale it up"):

@@ -47,7 +47,7 @@ def test_pixels_are_not_sampled_twice_in_the_same_way(monkeypatch):
     assert other <= one < 1.5 * other
 
 
-def test_much_time_gets_the_bound_and_too_little_the_fewest_samples():
+def test_much_time_gets_the_bound_that_is_wanted():
     frame = render(icosphere(2), options=replace(OPTIONS, time_budget="10min"))
     assert frame.budget.choice == "`max_error=0.0625/255`"
     options = replace(OPTIONS, time_budget="10min", max_error="3/255")
@@ -56,6 +56,9 @@ def test_much_time_gets_the_bound_and_too_little_the_fewest_samples():
     assert frame.budget.why == "the closest bound that is wanted"
     assert frame.sampling.max_error == "3/255"
     assert 0.0 < frame.budget.actual_seconds < 600.0 and not frame.budget.warnings
+
+
+def test_too_little_time_is_said_at_once_and_buys_the_fewest_samples():
     said = []
     options = replace(OPTIONS, time_budget="1ms")
     frame = render(icosphere(2), options=options, clock=BudgetClock(warn=said.append))

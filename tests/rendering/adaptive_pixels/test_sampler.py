@@ -151,11 +151,14 @@ def test_codes_are_those_of_a_file():
     assert (codes[..., 3] == 1.0).all()
 
 
-def test_even_pictures_and_slopes_have_no_errors_and_a_bend_a_quarter_of_it():
+def test_an_even_picture_has_no_errors():
     sums = sums_of(np.full((4, 5), 0.3))
     assert edge_errors(sums, threads=1).max() < 1e-6  # of squares, in float64
     assert not shading_errors(codes_of(sums), *once((4, 5)), threads=1).any()
-    # Codes that grow by 0.1 up to a bend, after which they stay: the second difference is 0.1.
+
+
+def test_a_slope_has_none_and_a_bend_a_quarter_of_it():
+    """Codes that grow by 0.1 up to a bend, after which they stay: the second difference is 0.1."""
     codes = np.zeros((3, 5, 4), np.float32)
     codes[..., 0] = [0.0, 0.1, 0.2, 0.2, 0.2]
     errors = shading_errors(codes, *once((3, 5)), threads=1)
@@ -179,13 +182,16 @@ def test_edges_leave_less_with_more_samples(count):
     assert error == pytest.approx(float(encode_srgb(0.5) - encode_srgb(0.5 - off)), rel=1e-5)
 
 
-def test_a_leap_is_seen_in_both_pixels_where_no_slope_explains_it():
+def test_what_the_slope_explains_is_no_edge():
     """Samples of a slope of 0.1 a pixel deviate by 0.1 (1 - 1 / n)^1/2 / sqrt(12)."""
     deviation = 0.1 * np.sqrt((1 - 1 / 16) / 12)
     means = np.broadcast_to([0.2, 0.3, 0.4, 0.5], (3, 4))
     assert edge_errors(sums_of(means, deviation), threads=1)[1, 1:3].max() < 1e-6
     flat = edge_errors(sums_of(np.full((3, 4), 0.3), deviation), threads=1)
     assert flat.min() > 1e-3
+
+
+def test_a_leap_between_pixels_is_seen_in_both():
     errors = edge_errors(sums_of(np.broadcast_to([0.0, 0.0, 1.0, 1.0], (3, 4))), threads=1)
     off = 0.5 * 16**-0.75
     assert errors[1, 1] == pytest.approx(float(encode_srgb(off)), rel=1e-5)

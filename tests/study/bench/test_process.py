@@ -30,12 +30,18 @@ def test_memory_is_that_of_the_process_and_not_of_its_parent():
         assert 200 * MB < large.peak_bytes < 300 * MB
 
 
-def test_faults_are_the_last_line_too_much_time_and_a_missing_command():
+def test_a_fault_is_the_last_line_that_was_printed():
     done = python("import sys; print('why'); sys.exit(3)")
     assert done.fault == "exit code 3: why"
     assert python("import sys; sys.exit(4)").fault == "exit code 4: it printed nothing"
+
+
+def test_a_process_that_takes_too_long_is_ended():
     done = python("import time; time.sleep(60)", timeout=0.5)
     assert done.fault == "it was ended after 0.5 s" and done.seconds < 30.0
+
+
+def test_a_command_that_is_not_there():
     done = run_process(["/nowhere/python"], timeout=10.0)
     assert done.fault.startswith("exit code 127") and done.seconds == 0.0
 
