@@ -56,6 +56,7 @@ _SURELY = 0.8  # of the bytes of a triangle in the whole model
 _QUALITIES = (15, 35, 60, 75, 85, 90)
 _LEAST_SIDE, _EXACT_SIDES = 64, 2
 _GROWTH = 2.5  # bytes of an image over those of half its side, at least
+_LESS_ERROR = 0.5  # error of a coding over that of half its side, at least
 # Weights of the squared errors of codes: chosen, not measured.
 _COLOR, _NORMAL, _OTHER = 1.0, 0.25, 0.15
 _UNLIMITED = 1 << 40  # bytes
@@ -317,7 +318,7 @@ class Budget:
     def _table(self, picture: Picture, n_bytes: int) -> list[_Coding]:
         """Codings of a picture that may fit: exact at small sides, and predicted at larger ones.
 
-        From side to side, bytes grow as from the side before, and errors of codings stay.
+        Predictions are better than what comes, so that none that would be chosen is missed.
         """
         found: list[_Coding] = []
         before: dict[int, list[_Coding]] = {quality: [] for quality in _QUALITIES}
@@ -329,9 +330,8 @@ class Budget:
                 if known is None and number < _EXACT_SIDES:
                     known = self._coding(picture, side, quality)
                 if known is None:
-                    one, other = smaller[-2:]
-                    grown = other.n_bytes * other.n_bytes / one.n_bytes
-                    known = _Coding(side, quality, grown, other.error)
+                    half = smaller[-1]
+                    known = _Coding(side, quality, _GROWTH * half.n_bytes, _LESS_ERROR * half.error)
                 smaller.append(known)
                 found.append(self._with_side_error(picture, known))
         return found
