@@ -8,7 +8,7 @@ import pytest
 from tests.fbx_writer import CM, moving_scene, properties, scene, written
 from tests.glb import read_glb
 from tests.models import REAL, real
-from texbake.mesh.files.fbx_animations import Animation, Layer, Shape, Track, full_weights
+from texbake.mesh.files.fbx_animations import Animation, Layer, Track, full_weights, shape_weights
 from texbake.mesh.files.fbx_cameras import read_camera
 from texbake.mesh.files.fbx_curves import Curve, read_curve
 from texbake.mesh.files.fbx_nodes import Node
@@ -135,6 +135,15 @@ def test_lights_that_gltf_does_not_have_are_named(tmp_path):
     assert read_rig(tmp_path / "a.fbx").passed_over == ("1 area or volume light",)
 
 
+def test_cameras_and_lights_of_models_without_size_are_named(tmp_path):
+    nodes = with_views(7400, {"Camera": CAMERA, "Light": LIGHT})
+    text = written(nodes, 7400, "ascii")
+    text = text.replace(b"2.0, 2.0, 2.0", b"0.0, 0.0, 0.0", 1)  # the model above both
+    (tmp_path / "a.fbx").write_bytes(text)
+    rig = read_rig(tmp_path / "a.fbx")
+    assert rig.passed_over == ("1 flattened camera", "1 flattened light")
+
+
 def test_cameras_of_viewports_are_no_part_of_the_scene(tmp_path):
     nodes = with_views(7400, {"Camera": CAMERA, "Light": LIGHT})
     text = written(nodes, 7400, "ascii").replace(b"eye", b"Producer Top")
@@ -174,6 +183,29 @@ def test_layers_add_to_what_is_below_them_or_replace_it(path, mode, as_a_whole, 
     )
     rows = Animation("a", layers).at(target, np.array([0.0, 1.0]), np.ones(3))
     np.testing.assert_allclose(rows[:, 0], expected)
+
+
+@pytest.mark.parametrize(
+    ("mode", "percent", "factor"),
+    [
+        (0, 0.0, -2.0), (0, 50.0, 2.0**1.5), (0, 100.0, 4.0),
+        (2, 0.0, -2.0), (2, 50.0, 2.0), (2, 100.0, -2.0),
+    ],
+)  # fmt: skip
+def test_layers_that_scale_mirrored_models_turn_their_sides_only_by_their_weight(
+    mode, percent, factor
+):
+    target = (1, "Lcl Scaling")
+    layer = Layer(
+        tracks={target: Track({}, {0: -2.0})},
+        weight=Track({}, {0: percent}),
+        mode=mode,
+        turns_as_a_whole=True,
+        scales_by_products=True,
+    )
+    ((found, *others),) = layer.over(np.array([[-2.0, 1.0, 3.0]]), target, np.zeros(1))
+    assert found == pytest.approx(factor)
+    assert others[0] == 1.0
 
 
 @pytest.mark.parametrize("mode", [0, 2])
@@ -217,11 +249,9 @@ def test_tangents_of_their_own_lengths_bend_a_curve():
 
 
 def test_shapes_in_between_take_turns():
-    channel = FbxObject(1, "lift", "BlendShapeChannel", Node("Deformer", [], []))
     full = np.array([0.5, 1.0, -0.25])
-    shapes = [Shape("a", channel.node, channel, full, place) for place in range(3)]
     percents = np.array([0.0, 25.0, 50.0, 75.0, 100.0, 150.0, -25.0, -50.0])
-    weights = np.stack([shape.weights(percents) for shape in shapes])
+    weights = shape_weights(full, percents).T
     expected = [[0, 0.5, 1, 0.5, 0, -1, 0, 0], [0, 0, 0, 0.5, 1, 2, 0, 0], [0] * 6 + [1, 2]]
     np.testing.assert_allclose(weights, expected, atol=1e-12)
 

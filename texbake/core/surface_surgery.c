@@ -142,7 +142,8 @@ static void label_corners(
 }
 
 /* Write for each corner which of the vertices at its place it gets, from 0 on. Edges with a face that
-   has no partner of the other winding stay if `opens` is 0; if it is 2, all of more than two faces open. Returns how many vertices are added. */
+   has no partner of the other winding stay if `opens` is 0; if it is 2, all of more than two faces
+   open. Returns how many vertices are added. */
 EXPORT int64_t separate_surfaces(
     int64_t n_vertices, int64_t n_faces, const int32_t faces[n_faces][3],
     const double points[n_vertices][3], int64_t opens, int32_t copies[n_faces][3])

@@ -216,14 +216,20 @@ class Shape:
         value = next(iter(values), 0.0)
         return float(value) if isinstance(value, int | float) and abs(value) < 1e9 else 0.0
 
-    def weights(self, percents: FloatArray) -> FloatArray:
-        """(n,) weights at (n,) percentages: shapes between which one lies share it, beside none."""
-        knots = np.unique([0.0, *self.full])
-        weights = percents / 100.0
-        at = np.clip(np.searchsorted(knots, weights, side="right") - 1, 0, len(knots) - 2)
-        share = (weights - knots[at]) / (knots[at + 1] - knots[at])
-        own = np.searchsorted(knots, self.full[self.place])
-        return np.where(at == own, 1.0 - share, np.where(at + 1 == own, share, 0.0))
+
+def shape_weights(full: FloatArray, percents: FloatArray) -> FloatArray:
+    """(n, k) weights of the k shapes of a channel at (n,) percentages.
+
+    Between the weights of two neighbors, one of which may be no shape at all, they share it; beyond
+    the last two, the line through them goes on.
+    """
+    knots, own = np.unique([0.0, *full], return_inverse=True)
+    weights = percents / 100.0
+    at = np.clip(np.searchsorted(knots, weights, side="right") - 1, 0, len(knots) - 2)
+    share = (weights - knots[at]) / (knots[at + 1] - knots[at])
+    rows, numbers = np.zeros((len(weights), len(knots))), np.arange(len(weights))
+    rows[numbers, at], rows[numbers, at + 1] = 1.0 - share, share
+    return rows[:, own[1:]]
 
 
 def full_weights(channel: FbxObject, n: int) -> FloatArray:
@@ -235,9 +241,11 @@ def full_weights(channel: FbxObject, n: int) -> FloatArray:
 
 
 def _powers(values: FloatArray, exponents: float | FloatArray) -> FloatArray:
-    """Powers of absolute values, with the signs of the values."""
+    """Powers of absolute values, with the signs of the values unless the exponent is 0."""
+    exponents = np.asarray(exponents)
     sizes = pm.power(np.abs(values), exponents)
-    return np.asarray(np.where(values < 0.0, -sizes, sizes))
+    powers = np.where(exponents < 1.0, np.where(values < 0.0, -sizes, sizes), values)
+    return np.asarray(np.where(exponents > 0.0, powers, 1.0))
 
 
 def _between(one: FloatArray, other: FloatArray, share: FloatArray) -> FloatArray:

@@ -11,7 +11,8 @@ of clusters and for the flags of keys.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -28,6 +29,7 @@ from texbake.mesh.files.fbx_animations import (
     Shape,
     full_weights,
     read_animations,
+    shape_weights,
 )
 from texbake.mesh.files.fbx_cameras import LIGHT, read_camera, read_light, view_node, views_of
 from texbake.mesh.files.fbx_curves import Curve
@@ -211,27 +213,29 @@ class _RigReader:
             content["skins"] = skins
         if animations := list(self._animations()):
             content["animations"] = animations
-        n_left_out = self._add_views(content)
-        noun = "area or volume light"
+        left_out = self._add_views(content)
         return Rig(
             content=content,
             arrays=self.arrays,
             objects=objects,
             has_morph_normals=True,
-            passed_over=(counted(n_left_out, noun),) if n_left_out else (),
+            passed_over=tuple(counted(n, noun) for noun, n in left_out.items()),
         )
 
-    def _add_views(self, content: dict[str, Any]) -> int:
-        """Add cameras and lights; return the number of lights that glTF has no type for."""
-        scene, nodes, n_left_out = self.scene, content["nodes"], 0
+    def _add_views(self, content: dict[str, Any]) -> Counter[str]:
+        """Add cameras and lights; return kinds of those that are left out, with their numbers."""
+        scene, nodes, left_out = self.scene, content["nodes"], Counter[str]()
         lights: list[dict[str, Any]] = []
         for item in scene.models:
             number = self.motions.numbers[item.model.key]
             for kind, source in views_of(scene, item.model):
                 node = view_node(kind, pm.matmul(scene.axes, self.world[number]))
                 light = read_light(source) if kind == LIGHT else None
-                n_left_out += kind == LIGHT and light is None
-                if node is None or (kind == LIGHT and light is None):
+                if kind == LIGHT and light is None:
+                    left_out["area or volume light"] += 1
+                    continue
+                if node is None:
+                    left_out[f"flattened {kind.lower()}"] += 1
                     continue
                 if light is not None:
                     node["extensions"] = {LIGHTS: {"light": len(lights)}}
@@ -244,7 +248,7 @@ class _RigReader:
                 nodes.append({"name": item.model.name, **node})
         if lights:
             content["extensions"] = {LIGHTS: {"lights": lights}}
-        return n_left_out
+        return left_out
 
     def _objects(
         self, nodes: list[dict[str, Any]], skins: list[dict[str, Any]]
@@ -267,8 +271,8 @@ class _RigReader:
             shapes = self.motions.shapes(geometry)
             fields: dict[str, Any] = {"name": geometry.name or item.model.name}
             if shapes:
-                rest = [float(s.weights(np.array([s.percent]))[0]) for s in shapes]
-                fields["weights"] = rest
+                rest = _weights(shapes, lambda shape: np.array([shape.percent]))
+                fields["weights"] = rest[0].tolist()
                 fields["extras"] = {"targetNames": [shape.name for shape in shapes]}
                 self.shapes[number] = shapes
             objects[key] = RigObject(
@@ -333,11 +337,16 @@ class _RigReader:
             if not curves:
                 continue
             times = self._times(curves, len(shapes))
-            weights = np.zeros((len(times), len(shapes)))
-            for place, shape in enumerate(shapes):
-                if shape.channel is not None:
-                    target, percent = (shape.channel.key, PERCENT), np.array([shape.percent])
-                    weights[:, place] = shape.weights(animation.at(target, times, percent)[:, 0])
+
+            def percents(
+                shape: Shape, animation: Animation = animation, times: FloatArray = times
+            ) -> FloatArray:
+                if shape.channel is None:
+                    return np.zeros(len(times))
+                target, percent = (shape.channel.key, PERCENT), np.array([shape.percent])
+                return animation.at(target, times, percent)[:, 0]
+
+            weights = _weights(shapes, percents)
             yield node, "weights", times, weights.reshape(-1, 1)
 
     def _times(self, curves: list[Curve], width: int = 1) -> FloatArray:
@@ -353,6 +362,12 @@ class _RigReader:
         times = times[np.append(True, np.diff(times) > 1e-3)]
         self.n_samples += width * len(times)
         return times
+
+
+def _weights(shapes: list[Shape], percents: Callable[[Shape], FloatArray]) -> FloatArray:
+    """(n, S) weights of shapes by the (n,) percentages of the channel of each."""
+    firsts = [shape for shape in shapes if shape.place == 0]  # each before others of its channel
+    return np.concatenate([shape_weights(s.full, percents(s)) for s in firsts], axis=1)
 
 
 def _n_vertices(geometry: FbxObject) -> int:
