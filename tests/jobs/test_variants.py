@@ -141,10 +141,46 @@ def test_an_obj_file_has_no_variants(shoe, tmp_path):
 def test_many_variants_are_not_baked(shoe, tmp_path):
     mesh = read_mesh(shoe)
     materials = read_materials(shoe, mesh)
-    many = replace(materials, variants=5 * materials.variants)
+    many = replace(materials, variants=9 * materials.variants[:1])
     write_glb(mesh, shoe, materials=many)
-    with pytest.raises(OptionError, match=r"10 variants.*use keep"):
+    with pytest.raises(OptionError, match=r"9 variants.*use keep"):
         lighten_file(shoe, tmp_path / "b.glb", OPTIONS)
+    options = LightenOptions(n_faces=4, images="png", views=0)  # fewer than its charts need
+    result = lighten_file(shoe, tmp_path / "b.glb", options)
+    assert any("because of its many variants" in line for line in result.warnings)
+    assert len(read_materials(tmp_path / "b.glb", read_mesh(tmp_path / "b.glb")).variants) == 9
+
+
+@pytest.mark.parametrize("is_split", [False, True])
+@pytest.mark.parametrize("uvs", ["auto", "keep", "new"])
+def test_variants_that_only_have_other_colors_may_be_many(shoe, tmp_path, uvs, is_split):
+    """One material of one color in each variant; or two, which take turns."""
+    mesh = read_mesh(shoe)
+    n = 10
+    materials = Materials(
+        face_materials=np.repeat(np.array([0, is_split], np.int32), mesh.n_faces // 2),
+        materials=tuple(plain(str(k), (k / n, 0.5, 0.5)) for k in range(n + 1)),
+        variants=tuple(
+            (f"v{k}", tuple((k + i) % (n + 1) for i in range(n + 1))) for k in range(1, n + 1)
+        ),
+    )
+    write_glb(mesh, shoe, materials=materials)
+    options = LightenOptions(n_faces=900, uvs=uvs, images="png", size=128, views=0)
+    if uvs == ("new" if is_split else "keep"):
+        with pytest.raises(OptionError, match="use keep" if is_split else "use new"):
+            lighten_file(shoe, tmp_path / "b.glb", options)
+        return
+    lighten_file(shoe, tmp_path / "b.glb", options)
+    low = read_mesh(tmp_path / "b.glb")
+    assert low.n_faces <= 900
+    made = read_materials(tmp_path / "b.glb", low)
+    for k in range(n):
+        shown = made.in_variant(k)
+        colors = [item.channels["base-color"].factor[0] for item in shown.materials]
+        expected = {(k + 1) % (n + 1), (k + 1 + is_split) % (n + 1)}
+        np.testing.assert_allclose(
+            sorted(set(colors)), [i / n for i in sorted(expected)], atol=1e-6
+        )
 
 
 @pytest.mark.parametrize(

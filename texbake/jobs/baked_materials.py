@@ -13,7 +13,6 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.baking.result import BakedMap, BakeResult
-from texbake.errors import OptionError
 from texbake.jobs.light_images import Picture
 from texbake.jobs.material_transfer import (
     LAYOUTS,
@@ -50,13 +49,38 @@ Channels = dict[str, ChannelSource]
 Maps = Mapping[str, BakedMap]
 
 
-def check_variants(materials: Materials, mesh: str) -> None:
-    """Raise `OptionError` for more variants than are baked."""
-    if (n := len(materials.variants)) > _MOST_VARIANTS:
-        raise OptionError(
-            f"uvs: {mesh} has {n} variants of its materials, and images of {_MOST_VARIANTS} at "
-            "most are baked; use keep"
-        )
+def many_images(materials: Materials, mesh: str) -> str:
+    """Why a mesh cannot be baked, if more variants need images of their own than are; else ""."""
+    n = len(materials.variants)
+    one_face_each = replace(materials, face_materials=np.unique(materials.face_materials))
+    if (
+        n <= _MOST_VARIANTS
+        or sum(_needs_images(one_face_each, number) for number in range(n)) <= _MOST_VARIANTS
+    ):
+        return ""
+    return (
+        f"uvs: {mesh} has {n} variants of its materials, and images of {_MOST_VARIANTS} at most "
+        "are baked; use keep"
+    )
+
+
+def _needs_images(materials: Materials, number: int) -> bool:
+    """Whether a variant has images that differ from those shown by default."""
+    for part, layouts in ((materials, LAYOUTS), (_carriers(materials), _CARRIER_LAYOUTS)):
+        shown, changed = _of_variant(part, number, layouts)
+        if "normal" in changed or transferred_channels(shown):
+            return True
+    return False
+
+
+def _of_variant(
+    materials: Materials, number: int, layouts: Sequence[ImageLayout]
+) -> tuple[Materials, set[str]]:
+    """Materials of a variant, with the channels that are not as by default, and these."""
+    changed = _changed_channels(materials, number, layouts)
+    shown = materials.in_variant(number).only(changed)
+    has_vertex_colors = shown.has_vertex_colors and "base-color" in changed
+    return replace(shown, has_vertex_colors=has_vertex_colors), changed
 
 
 def needs_bake(materials: Materials) -> bool:
@@ -123,17 +147,14 @@ class MaterialBaker:
         default: Channels | None,
     ) -> Channels:
         """Channels of a variant; those that are as by default share its images."""
-        shown, name = materials.in_variant(number), self.name
-        is_own = layouts is LAYOUTS
+        is_own, has_normals, name = layouts is LAYOUTS, False, self.name
         if number is not None and default is not None:
-            changed = _changed_channels(materials, number, layouts)
-            shown, name = shown.only(changed), f"{name}_variant_{number}"
-            if "base-color" not in changed:
-                shown = replace(shown, has_vertex_colors=False)
+            shown, changed = _of_variant(materials, number, layouts)
+            name = f"{name}_variant_{number + 1}"
             default = {key: source for key, source in default.items() if key not in changed}
             has_normals = is_own and "normal" in changed and self.has_normals
         else:
-            has_normals = False
+            shown = materials.in_variant(number)
         if maps is None:
             wanted = transferred_channels(shown)
             if has_normals or any(shown.sources("normal")):

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
 
 # Materials with images that `auto` keeps. More are slow to draw.
 _MOST_TEXTURED = 8
+_MOST_PAIRED = 64  # objects that are baked one by one
 _UNSHARED = "no parts share texels: none has the shape and look of another, or they bend"
 _SEAMS = "texture coordinates, holes"
 
@@ -109,6 +110,9 @@ class Source:
                 n, more = simplified.n_faces, "request more, or use `uvs` new"
                 check_count(n, n_faces, self.mesh.name, more, _SEAMS)
             return kept
+        if self._many_images:
+            note = f"{self.mesh.name}: its texture coordinates stay, because of its many variants"
+            return replace(kept, warnings=(*kept.warnings, note))
         again = self._with_new_uvs(n_faces, is_trial=is_trial)
         note = (
             f"{self.mesh.name}: its texture coordinates do not allow fewer than "
@@ -142,9 +146,10 @@ class Source:
         return not (asked or any(item.images for item in self.materials.materials))
 
     def _why_new_uvs(self) -> str:
-        """Why the texture coordinates cannot stay, or had better not; "" if they can."""
-        textured = [item for item in self._shown.materials if item.has_images]
-        if self.mesh.uvs is None or not self.materials.has_images:
+        """Why the texture coordinates cannot stay, or with `auto` should not; "" if they can."""
+        textured = sum(item.has_images for item in self._shown.materials)
+        has_images = self.materials.has_images
+        if (self.mesh.uvs is None) if has_images else not self._many_images:
             return "has no images that lie on its texture coordinates"
         if self.materials.image_uv_sets - {0}:
             return "has images on further texture coordinates"
@@ -152,7 +157,8 @@ class Source:
             return "shares texels, as `stack` asks"
         if self.options.remesh != "never":
             return "is wrapped in another surface, as `remesh` asks"
-        if self.options.uvs == "auto" and len(textured) > _MOST_TEXTURED:
+        is_auto = self.options.uvs == "auto"
+        if is_auto and textured > _MOST_TEXTURED and not self._many_images:
             return f"has more than {_MOST_TEXTURED} materials with images"
         return ""
 
@@ -160,6 +166,13 @@ class Source:
     def _shown(self) -> Materials:
         """The materials without those of variants."""
         return self.materials.in_variant(None)
+
+    @cached_property
+    def _many_images(self) -> str:
+        """Why images cannot be baked for all variants; "" if they can."""
+        from texbake.jobs.baked_materials import many_images
+
+        return many_images(self.materials, self.mesh.name)
 
     @property
     def _normals_vary(self) -> bool:
@@ -196,9 +209,7 @@ class Source:
                 low, report = enlarged.restored(low, report, threads=threads)
                 low, kept = partition.restored(low, high)
                 materials = kept.materials or materials
-                warnings = (
-                    *warnings, *report.notes, *layout_notes(low, high, threads=threads),
-                )  # fmt: skip
+                warnings += (*report.notes, *layout_notes(low, high, threads=threads))
                 if rule.choice == "auto" and low.normals is None:
                     if has_hard_edges(high, threads=threads):
                         low = with_normals(low, "angle", angle=rule.angle)
@@ -256,16 +267,12 @@ class Source:
 
     def _with_new_uvs(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
         from texbake.baking.parts.bake_parts import bake_objects
-        from texbake.jobs.baked_materials import (
-            MaterialBaker,
-            check_variants,
-            needs_bake,
-            unbaked_images,
-        )
+        from texbake.jobs.baked_materials import MaterialBaker, needs_bake, unbaked_images
         from texbake.jobs.material_transfer import transferred_channels
 
         materials, options = self.materials, self.options
-        check_variants(materials, self.mesh.name)
+        if self._many_images:
+            raise OptionError(self._many_images)
         with self.stages.part("simplify"):
             high, rule, notes = self._oriented()
             repeated = RepeatedParts.among(high, materials) if options.stack else None
@@ -384,10 +391,6 @@ class Source:
         must_reach = options.n_faces is not None and not is_trial
         low_poly = maker.make(options.remesh, must_reach=must_reach)
         return with_nearest_motion(low_poly.mesh, high, options.threads), low_poly
-
-
-# Objects that are baked one by one.
-_MOST_PAIRED = 64
 
 
 def _has_lost_edges(low: Mesh, low_poly: LowPoly, rule: LowNormals, high: Mesh) -> bool:

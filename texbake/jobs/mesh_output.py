@@ -79,9 +79,10 @@ class MeshFileMaterials:
         if self.materials is None:
             return np.ones(n_faces, dtype=np.bool_), np.zeros(n_faces, dtype=np.bool_)
         kinds = [(item.is_opaque, not item.is_double_sided) for item in self.materials.materials]
-        sides = np.array(kinds)
+        own = np.array(kinds)
+        sides = own.copy()
         for _, table in self.materials.variants:
-            sides &= sides[list(table)]
+            sides &= own[list(table)]
         is_opaque, is_one_sided = sides[self.materials.face_materials].T
         return is_opaque, is_one_sided
 
