@@ -8,8 +8,9 @@ from click.testing import CliRunner
 from texbake_cli.main import texbake
 
 from tests.fbx_writer import binary, scene
-from texbake import Mesh, write_mesh
-from texbake.mesh.shapes import uv_sphere
+from texbake import Mesh, read_mesh, write_mesh
+from texbake.mesh.normals import smooth_normals
+from texbake.mesh.shapes import plane, uv_sphere
 
 COMMANDS = {
     "info": "info {model}",
@@ -153,6 +154,21 @@ def test_a_model_that_is_all_cavities(answer, tmp_path, command):
     assert result.exit_code == int(command == "check")
     if command in ("simplify", "run"):
         assert "flipped 3,360 triangles" in result.stderr
+
+
+@pytest.mark.parametrize("has_normals", [False, True])
+def test_simplify_turns_an_open_tray_unless_the_file_has_its_normals(invoke, tmp_path, has_normals):
+    """A tray of one sheet, whose inside is shown."""
+    tray = plane(16, 16, lambda x, y: 0.4 * (np.maximum(abs(x - 0.5), abs(y - 0.5)) > 0.45))
+    if has_normals:
+        tray = tray.replace(normals=smooth_normals(tray), normal_faces=tray.faces)
+    source, result = tmp_path / "tray.ply", tmp_path / "low.ply"
+    write_mesh(tray.replace(uvs=None, uv_faces=None), source)
+    invoke(f"simplify {source} -o {result} --faces 60")
+    low = read_mesh(result)
+    a, b, c = np.moveaxis(low.positions[low.faces], 1, 0)
+    up = np.cross(b - a, c - a).sum(axis=0)[2]
+    assert (up > 0.0) == has_normals
 
 
 def many_materials(path):

@@ -126,7 +126,9 @@ def simplify_levels(
     if options.join_objects:
         read = joined_objects(read)
     with Stages(progress).stage("find outside"):
-        high, turned = oriented(read, options.orientation, threads=threads)
+        # The file itself says which side an open surface shows.
+        has_side = read.normals is not None or read.uvs is not None
+        high, turned = oriented(read, options.orientation, keep_open=has_side, threads=threads)
     notes = (*notes, *turned.notes)
     if options.max_memory is not None and source is None and read.n_faces > _most(options):
         notes = (*notes, _WHOLE.format(mesh=Path(mesh).name))
