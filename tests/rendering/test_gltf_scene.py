@@ -325,7 +325,9 @@ def test_only_the_first_perspective_camera_is_the_view(asset, tmp_path):
     asset.json["nodes"] += [{"camera": 0}, {"camera": 1}, {"camera": 2}]
     scene = asset.read(tmp_path)
     assert scene.view.fov == pytest.approx(math.degrees(0.5))
-    assert scene.notes == ("the camera 'plan' is 'orthographic'; only perspective is supported",)
+    assert scene.notes == (
+        "the camera 'plan' is 'orthographic'; the renderer supports only perspective",
+    )
 
 
 def test_extensions(asset, tmp_path):

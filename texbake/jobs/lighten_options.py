@@ -125,11 +125,10 @@ class LightenOptions(CheckedOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_angle(self.normals, self.angle)
-        if self.stack and (self.uvs == "keep" or self.remesh != "never"):
-            raise OptionError(
-                "stack: parts share texels in new coordinates of their own surface; set `uvs` to "
-                "new and `remesh` to never"
-            )
+        if self.stack and self.uvs == "keep":
+            raise OptionError("stack: parts share texels in new coordinates; set `uvs` to new")
+        if self.stack and self.remesh != "never":
+            raise OptionError("stack: parts keep their own surface; set `remesh` to never")
         search = "target_size" if self.target_bytes is not None else "min_psnr"
         if self.min_psnr is not None:
             if self.target_bytes is not None:

@@ -256,7 +256,7 @@ def view_of(
     name = camera.get("name") or node.get("name") or node["camera"]
     if camera.get("type") != "perspective":
         kind = quoted(camera.get("type"))
-        return f"the camera {quoted(name)} is {kind}; only perspective is supported"
+        return f"the camera {quoted(name)} is {kind}; the renderer supports only perspective"
     lens = document.mapping(camera, "perspective")
     fov = math.degrees(document.number(lens, "yfov", 0.0))
     near = document.number(lens, "znear", 0.0)
