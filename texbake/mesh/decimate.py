@@ -21,7 +21,7 @@ from texbake.mesh.compose import used_rows
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
-from texbake.mesh.topology import face_components, repeated_vertices
+from texbake.mesh.topology import face_components, find_edges, repeated_vertices
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
@@ -81,6 +81,13 @@ class VertexStream:
         if self.has_seams:
             poses = poses[:, np.unique(self.position_ids, return_index=True)[1]]
         return np.ascontiguousarray(poses.reshape(-1, 3))
+
+    @cached_property
+    def has_bad_edges(self) -> bool:
+        """Whether edges of more than two faces hinder collapses, and could be taken apart."""
+        if self.has_seams or self.is_apart:
+            return False
+        return bool(find_edges(self.position_ids[self.faces]).non_manifold.any())
 
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""

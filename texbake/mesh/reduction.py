@@ -36,12 +36,13 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.piecewise import bring_down
-from texbake.mesh.topology import find_edges
+from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import (
     with_nearest_attributes,
     with_nearest_groups,
     with_nearest_motion,
 )
+from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
 _GIVEN_UP = "too few faces to keep the"
@@ -76,7 +77,6 @@ class Reduction:
     start: VertexStream | None  # what the last step began with
     method: str
     notes: tuple[str, ...] = ()
-    gave_up: bool = False  # something of the mesh, to reach the count
     distance: SurfaceDistance | None = None  # where it was measured
 
 
@@ -87,22 +87,24 @@ def reduced(
     threads: int | None,
     *,
     shades: bool = False,
+    gives_up: bool = True,
 ) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
-    If it `shades`, changes of the mesh's own normals count as well, and those that are left stay
-    as they are. Vertices stay where they are: pictures are closer than of moved ones. No part is
-    dropped, since it would leave a hole in pictures.
+    It `gives_up` something where the count needs that. If it `shades`, changes of the mesh's own
+    normals count as well, and those that are left stay as they are. Vertices stay where they are:
+    pictures are closer than of moved ones. No part is dropped, since it would leave a hole in
+    pictures.
     """
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
         bare = mesh.replace(normals=None, normal_faces=None)
-        low = reduced(bare, n_faces, options, threads, shades=shades)
+        low = reduced(bare, n_faces, options, threads, shades=shades, gives_up=gives_up)
         return noted(low, "its normals are those of its facets: none of its edges counts as hard")
     if _is_without_charts(mesh):
         bare = mesh.replace(uvs=None, uv_faces=None)
-        low = reduced(bare, n_faces, options, threads, shades=shades)
+        low = reduced(bare, n_faces, options, threads, shades=shades, gives_up=gives_up)
         return noted(low, "its texture coordinates, where no face has an area, were left out")
     stream = weld_corners(mesh, shades=shades, threads=threads)
     start = bring_down(stream, n_faces, threads=threads)
@@ -110,8 +112,10 @@ def reduced(
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"
         )
-    attempts = _attempts(mesh, start, n_faces, options.seams, threads, drops=not shades)
-    result = _fast(mesh, attempts, n_faces, threads)
+    attempts = _attempts(
+        mesh, start, n_faces, options.seams, threads, drops=not shades, gives_up=gives_up
+    )
+    result = _fast(mesh, attempts, n_faces, threads, gives_up=gives_up)
     if options.quality == "best" and start.normals is None:
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
@@ -156,7 +160,9 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
     return f"{n_left} of the {n_faces} requested faces are left: {reason}"
 
 
-def _fast(mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int | None) -> Reduction:
+def _fast(
+    mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int | None, *, gives_up: bool
+) -> Reduction:
     """The first attempt that reaches the count and lies about as close as any that does.
 
     What gives up nothing is taken at once. Else measuring decides, because none of the sacrifices
@@ -167,11 +173,13 @@ def _fast(mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int |
         low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
         if low is None:
             continue
-        results.append(Reduction(low, stream, method, notes, gave_up=bool(notes)))
+        if CUT in notes and _has_lost_parts(mesh, stream, low):
+            notes = (*notes, _DROPPED)
+        results.append(Reduction(low, stream, method, notes))
         if _ENOUGH * n_faces <= low.n_faces <= n_faces:
-            if not notes and not _has_bad_edges(stream):
+            if not notes and not (gives_up and stream.has_bad_edges):
                 return results[-1]
-            if notes in ((), (APART,)) and stream.is_apart:
+            if notes == (APART,):
                 break
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
     if len(reached) < 2:
@@ -181,6 +189,15 @@ def _fast(mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int |
     return next(
         result for result, distance in zip(reached, distances, strict=True) if distance <= good
     )
+
+
+def _has_lost_parts(mesh: Mesh, stream: VertexStream, low: Mesh) -> bool:
+    """Whether separate parts of a stream have no vertex in a mesh that keeps some of them."""
+    corners = stream.position_ids[stream.faces]
+    parts, n_parts = face_components(corners, mesh.n_vertices)
+    places = weld_rows(np.concatenate([mesh.positions, low.positions]))
+    is_left = np.isin(places[corners], places[mesh.n_vertices :]).any(axis=1)
+    return len(np.unique(parts[is_left])) < n_parts
 
 
 def _gathered(
@@ -229,18 +246,21 @@ def _attempts(
     threads: int | None,
     *,
     drops: bool,
+    gives_up: bool,
 ) -> Iterator[_Attempt]:
     """Yield attempts to reach the count, each giving up more than the one before.
 
-    Small parts may be given up if it `drops` some.
+    Nothing is given up unless it `gives_up` something, and no parts unless it `drops` some.
     """
     notes: tuple[str, ...] = ()
     while True:
         if boundary_fits(stream, n_faces):
             yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
         yield stream, partial(collapse_stream, stream), _COLLAPSES, notes
-        if _has_bad_edges(stream):
-            apart = with_surfaces_apart(stream)
+        if not gives_up:
+            break
+        apart = with_surfaces_apart(stream) if stream.has_bad_edges else stream
+        if apart is not stream:
             yield apart, partial(collapse_stream, apart), _COLLAPSES, (*notes, APART)
         for large in without_small_parts(stream, n_faces) if drops else ():
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
@@ -254,17 +274,10 @@ def _attempts(
         if seams != "keep":
             smooth = smooth.replace(uvs=None, uv_faces=None)
         stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)
-    if _has_bad_edges(stream):
+    if gives_up and drops and stream.has_bad_edges:
         cut = replace(with_surfaces_apart(stream, opens=True), keeps_topology=False)
         yield cut, partial(collapse_stream, cut), _COLLAPSES, (*notes, CUT)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
-
-
-def _has_bad_edges(stream: VertexStream) -> bool:
-    """Whether edges of more than two faces hinder collapses, and could be taken apart."""
-    if stream.has_seams or stream.is_apart:
-        return False
-    return bool(find_edges(stream.position_ids[stream.faces]).non_manifold.any())
 
 
 def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:

@@ -27,7 +27,7 @@ from texbake.mesh.distance import REPORTED_SAMPLES, SurfaceDistance, surface_dis
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
-from texbake.mesh.reduction import APART, CUT, SLACK, Reduction, noted, reduced
+from texbake.mesh.reduction import CUT, SLACK, Reduction, noted, reduced
 from texbake.mesh.streamed.reduction import ReducedMesh
 from texbake.progress import Progress, Stages
 from texbake.records import dataclass
@@ -69,8 +69,8 @@ class SimplifyReport:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the count was reached without taking surfaces apart or cutting through them."""
-        return self.is_close_to_count and not {APART, CUT} & set(self.notes)
+        """Whether the count was reached without cutting through surfaces."""
+        return self.is_close_to_count and CUT not in self.notes
 
     def to_json(self) -> dict[str, Any]:
         """Return every figure as plain values, for `json.dump`."""
@@ -102,11 +102,11 @@ def simplify(
     position) and borders between groups are kept, as long as the count can be reached with them.
     Where it cannot, they are given up in this order: a locked boundary, small separate parts, seams
     and hard edges with their attributes, and, of a mesh with non-manifold edges, what holds its
-    surfaces together there, and then the topology: they are cut through at necks and tunnels;
-    whichever comes first of those that bring the result about as close to the mesh as any does. The
-    report of `simplify_with_report` says which. A surface stays one, however its faces are wound:
-    where its tunnels need more faces than `n_faces`, it keeps more. Texture coordinates where no
-    face has an area are left out.
+    surfaces together there, and then the topology: they are cut through at necks and tunnels, and
+    small parts vanish; whichever comes first of those that bring the result about as close to the
+    mesh as any does. The report of `simplify_with_report` says which. A surface stays one, however
+    its faces are wound: where its tunnels need more faces than `n_faces`, it keeps more. Texture
+    coordinates where no face has an area are left out.
 
     Parameters
     ----------
@@ -272,12 +272,10 @@ def _simplify_within(
 
     def attempt(n_asked: int) -> Trial:
         nonlocal fitting
-        result = reduced(mesh, n_asked, options, threads)
+        result = reduced(mesh, n_asked, options, threads, gives_up=n_asked == n_faces)
         distance = surface_distance(mesh, result.mesh, threads=threads)
         n_left = result.mesh.n_faces
-        if result.gave_up and n_asked != n_faces:
-            return Trial(n_left, math.inf)
-        if distance.max <= limit:
+        if distance.max <= limit and n_left < fitting.mesh.n_faces:
             fitting = replace(result, distance=distance)
         return Trial(n_left, distance.max)
 
