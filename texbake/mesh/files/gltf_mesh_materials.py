@@ -63,13 +63,15 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
             primitives += of_meshes[index]
     reader = _MaterialReader(document)
     names = _variant_names(reader)
-    rows = {
-        key: _shown_materials(reader, primitive, len(names))
-        for key, primitive in {id(item): item for item in primitives}.items()
-    }
+    rows: dict[int, tuple[int | None, ...]] = {}
+    same: dict[tuple[int | None, ...], tuple[int | None, ...]] = {}  # each row once in memory
+    for primitive in primitives:
+        if id(primitive) not in rows:
+            row = _shown_materials(reader, primitive, len(names))
+            rows[id(primitive)] = same.setdefault(row, row)
     used = [rows[id(primitive)] for primitive in primitives]
     found = materials_by_face(mesh, used)
-    if found is None or (all(set(shown) == {None} for shown in used) and mesh.colors is None):
+    if found is None or (all(set(shown) == {None} for shown in same) and mesh.colors is None):
         return None
     shown, face_materials = found
     order = [default for default, *_ in shown]
