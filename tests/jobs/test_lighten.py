@@ -396,6 +396,41 @@ def test_parts_that_are_copies_share_texels_and_look_as_before(tmp_path):
         replace(options, stack=True, uvs="keep")
 
 
+@pytest.mark.parametrize("given", ["clamp", "placing", "tangents"])
+def test_balls_that_look_different_share_no_texels(tmp_path, given):
+    ball = uv_sphere(12, 24)
+    balls = [ball, ball.replace(positions=ball.positions + np.array([3.0, 0.0, 0.0]))]
+    if given != "tangents":
+        balls[1] = balls[1].replace(uvs=ball.uvs + np.array([1.0, 0.0]))
+    mesh = join_meshes(balls)
+    codes = np.full((64, 64, 3), (220, 128, 220), np.uint8)
+    codes[:, 32 if given == "placing" else 60 :] = (128, 128, 255)
+    image = picture(tmp_path, "paint.png", codes)
+    if given == "clamp":
+        image = replace(image, wraps=("clamp", "clamp"))
+    elif given == "placing":
+        image = replace(image, placing=((0.5, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    else:
+        tangents = np.zeros((mesh.n_faces, 3, 4), np.float32)
+        tangents[:, :, 0] = tangents[:, :, 3] = np.where(mesh.face_groups == 0, 1, -1)[:, None]
+        mesh = mesh.replace(tangents=tangents)
+    channel = "normal" if given == "tangents" else "base-color"
+    channels = {channel: ChannelSource((1.0, 1.0, 1.0), image)}
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(MeshMaterial(name="paint", channels=channels),),
+    )
+    write_glb(mesh, tmp_path / "balls.glb", materials=materials)
+    options = replace(KEPT, uvs="new", size=256, views=2)
+    apart, stacked = (
+        lighten_file(
+            tmp_path / "balls.glb", tmp_path / "light.glb", replace(options, stack=stack)
+        ).report
+        for stack in (False, True)
+    )
+    assert stacked.comparison.mean_db > apart.comparison.mean_db - 2.0
+
+
 def test_coordinates_cannot_stay_where_no_image_lies_on_them(tmp_path):
     write_glb(uv_sphere(24, 48), tmp_path / "plain.glb")
     with pytest.raises(OptionError, match=r"^uvs: plain\.glb has no images .*; use new$"):

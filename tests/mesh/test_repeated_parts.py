@@ -1,11 +1,15 @@
 """Parts that are copies of one another."""
 
+from dataclasses import replace
+from itertools import permutations
+
 import numpy as np
 import pytest
 
-from texbake.mesh.compose import join_meshes, transformed
+from texbake.mesh.compose import excerpt, join_meshes, transformed
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.materials import Materials, MeshMaterial
+from texbake.mesh.mesh import Mesh
 from texbake.mesh.repeated_parts import Looks, RepeatedParts
 from texbake.mesh.shapes import uv_sphere
 
@@ -39,8 +43,9 @@ def repeated(meshes, ids=None, colors=None):
     faces = np.zeros(mesh.n_faces, np.int32) if ids is None else np.array(ids)[mesh.face_groups]
     materials = Materials(face_materials=faces, materials=(MeshMaterial(name="a"),) * 2)
     looks = Looks.of(mesh, materials)
-    shown = looks.colors if colors is None else colors(mesh)
-    return mesh, materials, RepeatedParts.of(mesh, Looks(looks.materials, mesh.corner_uvs(), shown))
+    looks = replace(looks, uvs=mesh.corner_uvs())
+    looks = looks if colors is None else replace(looks, colors=colors(mesh))
+    return mesh, materials, RepeatedParts.of(mesh, looks)
 
 
 def test_copies_are_found_wherever_they_lie_and_brought_back():
@@ -85,3 +90,49 @@ def test_parts_of_another_shape_or_look_are_no_copies(other, given):
 def test_a_line_is_no_copy():
     flat = egg().replace(positions=egg().positions * [1.0, 0.0, 0.0])
     assert repeated([flat, transformed(flat, MOTIONS["moved"])])[2].n_shared == 0
+
+
+def many(shapes):
+    """Shapes in a row."""
+    return [
+        transformed(shape, matrix(np.eye(3), (9.0 * i, 0.0, 0.0))) for i, shape in enumerate(shapes)
+    ]
+
+
+@pytest.mark.parametrize("sizes", list(permutations([0.55, 1.0, 1.9])))
+def test_sizes_form_the_same_kinds_in_any_order(sizes):
+    shapes = [egg().replace(positions=size * egg().positions) for size in sizes]
+    (each,) = repeated(many(shapes))[2].copies
+    assert len(each.numbers) == 2
+    assert np.abs(each.matrices[1, :3, :3] - np.eye(3) / 1.9).max() < 1e-9
+
+
+def test_many_shapes_of_as_many_faces_and_of_any_size_have_their_copies():
+    rng = np.random.default_rng(0)
+    box = np.indices((2, 2, 2)).reshape(3, 8).T - 0.5
+    sides = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    faces = np.array([[side[i] for i in (0, j, j + 1)] for side in sides for j in (1, 2)], np.int32)
+    boxes = [Mesh(positions=box * rng.uniform(1.0, 4.0, 3), faces=faces) for _ in range(30)]
+    source = join_meshes(many(boxes + boxes))
+    materials = Materials(
+        face_materials=np.zeros(source.n_faces, np.int32), materials=(MeshMaterial(name="a"),)
+    )
+    for scale in (1.0, 1e160, 1e-170):
+        found = RepeatedParts.among(source.replace(positions=source.positions * scale), materials)
+        assert found.n_shared == 30
+        low = found.one_each(found.mesh)
+        assert low.n_faces == 30 * 12
+        whole, _ = found.restored(low, materials)
+        assert np.allclose(whole.bounds, source.bounds * scale, rtol=1e-9, atol=0.0)
+
+
+def test_parts_that_were_dropped_are_those_of_the_others():
+    eggs = [egg()] * 3
+    tall = [egg().replace(positions=egg().positions * [1.0, 1.0, 2.0])] * 2
+    _, materials, found = repeated(many(eggs + tall))
+    three, two = (each.numbers for each in sorted(found.copies, key=lambda e: -len(e.numbers)))
+    low = excerpt(found.mesh, ~np.isin(found.mesh.face_groups, [three[1], *two]))
+    one = found.one_each(low)
+    assert one.n_faces == egg().n_faces
+    assert found.restored(one, materials)[0].n_faces == 3 * egg().n_faces
+    assert found.left_in(low).n_shared == 2

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 # Materials with images that `auto` keeps. More are slow to draw.
 _MOST_TEXTURED = 8
 _MOST_PAIRED = 64  # objects that are baked one by one
-_UNSHARED = "no parts share texels: none has the shape and look of another, or they bend"
+_UNSHARED = "none has the shape and look of another", "parts of the model move"
 _SEAMS = "texture coordinates, holes"
 
 
@@ -277,7 +277,8 @@ class Source:
             high, rule, notes = self._oriented()
             repeated = RepeatedParts.among(high, materials) if options.stack else None
             if options.stack and repeated is None:
-                notes = (*notes, f"{self.mesh.name}: {_UNSHARED}")
+                why = _UNSHARED[high.deformation is not None]
+                notes = (*notes, f"{self.mesh.name}: no parts share texels: {why}")
             high = high if repeated is None else repeated.mesh
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
             if low_poly is not None and _has_lost_edges(low, low_poly, rule, high):
@@ -311,8 +312,8 @@ class Source:
         shared = baker.baked({} if result is None else result.maps)
         notes = (*notes, *unbaked_images(materials))
         if repeated is not None:
+            made["n_shared"] = repeated.left_in(low).n_shared
             low, shared = repeated.restored(low, shared)
-            made["n_shared"] = repeated.n_shared
         return LightModel(
             mesh=low,
             materials=shared,

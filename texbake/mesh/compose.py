@@ -50,9 +50,9 @@ def face_fields(mesh: Mesh, chosen: npt.NDArray[Any]) -> dict[str, Any]:
     return fields
 
 
-def excerpt(mesh: Mesh, chosen: BoolArray) -> Mesh:
-    """Mesh of the `chosen` (F,) faces; rows of all arrays keep their order."""
-    if chosen.all():
+def excerpt(mesh: Mesh, chosen: BoolArray | npt.NDArray[np.intp]) -> Mesh:
+    """Mesh of the `chosen` (F,) faces, or of their numbers; rows of all arrays keep their order."""
+    if chosen.dtype == np.bool_ and chosen.all():
         return mesh
     changes = face_fields(mesh, chosen)
     vertices, changes["faces"] = used_rows(changes["faces"], mesh.n_vertices)
@@ -71,8 +71,10 @@ def excerpt(mesh: Mesh, chosen: BoolArray) -> Mesh:
 
 def used_rows(corners: IntArray, n_rows: int) -> tuple[npt.NDArray[np.intp], IntArray]:
     """Rows that corners index, in order, and the corners as indices into those."""
-    used = np.zeros(n_rows, dtype=np.bool_)
-    used[corners.ravel()] = True
+    if corners.size < n_rows // 16:  # sorting few takes less time than a mark for each row
+        few = np.unique(corners)
+        return few.astype(np.intp), np.searchsorted(few, corners).astype(np.int32)
+    used = np.bincount(corners.ravel(), minlength=n_rows) > 0
     if used.all():
         return np.arange(n_rows), corners.astype(np.int32)
     numbers = np.cumsum(used, dtype=np.int32) - np.int32(1)

@@ -2,8 +2,7 @@
 
 A part is what hangs together of an object. Copies have the same faces in the same order, as the
 files of instances and of duplicated parts have them, and look alike: in their materials, texture
-coordinates but for whole tiles, colors and normals. A mirrored copy has the corners of each face in
-reverse.
+coordinates, colors, normals and tangents. A mirrored copy has the corners of each face in reverse.
 """
 
 from __future__ import annotations
@@ -16,18 +15,22 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.compose import excerpt, join_parts, normal_map
-from texbake.mesh.materials import Materials
+from texbake.mesh.compose import excerpt, join_parts
+from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import one_group_a_node, weld_vertices
 from texbake.mesh.topology import face_components
 from texbake.records import dataclass
 
 # How far a point may lie from that of its copy, as a share of its part's greatest distance from the
-# center; and differences of normals, and of texture coordinates and colors, that are rounding.
-_APART, _TURNED, _SAME = 1e-3, 0.02, 2.0**-16
-_SIZES = 2.0  # of a copy over the size of the first of its kind: others need other triangles
-_MOST_TRIED = 8  # shapes of the same faces that a part is compared with
+# center: less than a texel of a chart 1,000 texels wide.
+_APART = 1e-3
+# Difference of directions of length 1, 1.1 degrees: files round normals to 8 bits, by up to 0.007
+# in either copy.
+_TURNED = 0.02
+_SAME = 2.0**-16  # difference of texture coordinates and colors that is rounding
+_SIZES = 2.001  # of the largest of a kind over its smallest: others need other triangles
+_N_COMPARED = 8  # faces of each part that are compared at first
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,23 +40,41 @@ class Looks:
     materials: IntArray  # (F,); faces of different ones look different
     uvs: FloatArray  # (F, 3, 2m); of m sets
     colors: FloatArray  # (F, 3, c)
+    tangents: FloatArray  # (F, 3, 4), or (F, 3, 0) without
+    has_tiles: BoolArray  # (F,); whether faces look the same if their uvs move by whole numbers
 
     @classmethod
     def of(cls, mesh: Mesh, materials: Materials) -> Looks:
-        """Return what shows of a mesh: coordinates only where images lie on them."""
-        of_any = bool(materials.variants)
-        shown = np.array([of_any or bool(each.images) for each in materials.materials])
-        has_images = shown[materials.face_materials][:, None, None]
-        uvs, colors = np.zeros((2, mesh.n_faces, 3, 0))
+        """Return what shows of a mesh: coordinates and tangents only where images need them."""
+        items, of_any = materials.materials, bool(materials.variants)
+        ids = materials.face_materials
+        has_images = np.array([of_any or bool(each.images) for each in items])[ids]
+        has_normals = np.array([of_any or _bends(each.channels.get("normal")) for each in items])
+        tiles = np.array([all(map(_repeats, each.images)) for each in items])
+        uvs = colors = tangents = np.zeros((mesh.n_faces, 3, 0))
         if mesh.uvs is not None and mesh.uv_faces is not None:
             sets = [
                 materials.uv_sets.get(number, mesh.uvs)[mesh.uv_faces]
                 for number in sorted(materials.image_uv_sets)
             ]
-            uvs = np.concatenate([uvs, *sets], axis=2) * has_images
+            uvs = np.concatenate([uvs, *sets], axis=2) * has_images[:, None, None]
         if materials.has_vertex_colors and mesh.colors is not None:
             colors = mesh.colors[mesh.faces].astype(np.float64)
-        return cls(materials.face_materials, uvs, colors)
+        if mesh.tangents is not None and has_normals.any():
+            tangents = mesh.tangents.astype(np.float64) * has_normals[ids][:, None, None]
+        if of_any:
+            tiles[:] = tiles.all()
+        return cls(ids, uvs, colors, tangents, tiles[ids])
+
+
+def _bends(source: ChannelSource | None) -> bool:
+    return source is not None and source.image is not None
+
+
+def _repeats(image: ChannelImage) -> bool:
+    """Whether an image looks the same a whole number of texture coordinates away."""
+    linear = np.array(image.placing)[:, :2]
+    return image.wraps == ("repeat", "repeat") and bool((linear == np.rint(linear)).all())
 
 
 class _Copies(NamedTuple):
@@ -77,10 +98,20 @@ class RepeatedParts:
         """Find the copies in a mesh whose groups are its nodes."""
         part_of, _ = face_components(weld_vertices(mesh)[mesh.faces], mesh.n_vertices)
         order = np.argsort(part_of, kind="stable")
-        alike: dict[_Key, list[list[_Part]]] = {}
+        alike: dict[bytes, list[npt.NDArray[np.intp]]] = {}
         for faces in np.split(order, np.flatnonzero(np.diff(part_of[order])) + 1):
-            _add(alike, mesh, faces, looks)
-        return cls._apart(mesh, [found for each in alike.values() for found in each if found[1:]])
+            alike.setdefault(looks.materials[faces].tobytes(), []).append(faces)
+        _, exponent = np.frexp(np.abs(mesh.positions).max(initial=0.0))
+        points = np.ldexp(mesh.positions, -exponent)  # of moderate size
+        found = []
+        for parts in alike.values():
+            if parts[1:]:
+                listed = np.array(parts)
+                kinds = _Parts.of(mesh, points, listed, looks).kinds()
+                found += [(listed[chosen], matrices) for chosen, matrices in kinds]
+        for _, matrices in found:
+            matrices[:, :3, 3] = np.ldexp(matrices[:, :3, 3], exponent)
+        return cls._apart(mesh, found)
 
     @classmethod
     def among(cls, mesh: Mesh, materials: Materials) -> RepeatedParts | None:
@@ -91,21 +122,19 @@ class RepeatedParts:
         return found if found.copies else None
 
     @classmethod
-    def _apart(cls, source: Mesh, found: list[list[_Part]]) -> RepeatedParts:
+    def _apart(
+        cls, source: Mesh, found: Sequence[tuple[npt.NDArray[np.intp], FloatArray]]
+    ) -> RepeatedParts:
+        """Make groups of parts, given by the faces of each kind (n, k) and their matrices."""
         names, objects = source.group_names or (source.name,), source.group_objects
         groups = np.zeros(source.n_faces, np.int32)
         groups = groups if source.face_groups is None else source.face_groups.copy()
         nodes, copies = list(range(len(names))), []
-        for parts in found:
-            numbers = list(range(len(nodes), len(nodes) + len(parts)))
-            for number, part in zip(numbers, parts, strict=True):
-                nodes.append(int(groups[part.faces[0]]))
-                groups[part.faces] = number
-            scales = [float(pm.norm(part.matrix[:3, 0])) for part in parts]
-            by_size = np.argsort(-np.array(scales), kind="stable")
-            matrices = np.array([parts[i].matrix for i in by_size])
-            matrices = pm.matmul(matrices, pm.inv(matrices[0]))
-            copies.append(_Copies([numbers[i] for i in by_size], matrices))
+        for parts, matrices in found:
+            numbers = np.arange(len(nodes), len(nodes) + len(parts), dtype=np.int32)
+            nodes += groups[parts[:, 0]].tolist()
+            groups[parts] = numbers[:, None]
+            copies.append(_Copies(numbers.tolist(), matrices))
         n_new = len(nodes) - len(names)
         first = max(objects, default=0) + 1
         mesh = source.replace(
@@ -126,27 +155,31 @@ class RepeatedParts:
         others = [number for each in self.copies for number in each.numbers[1:]]
         return ~np.isin(_groups(self.mesh), others)
 
+    def left_in(self, low: Mesh) -> RepeatedParts:
+        """Return it with only those kinds of parts of which a simplified mesh has any."""
+        counts = np.bincount(_groups(low), minlength=len(self.nodes))
+        return replace(self, copies=tuple(e for e in self.copies if counts[e.numbers].any()))
+
     def one_each(self, low: Mesh) -> Mesh:
         """Return a simplified mesh with one part of each kind, at the place of the first.
 
-        It has the most triangles that one of them has, up to their mean.
+        It has the most triangles that one of them has, up to the mean of those that have any.
         """
         counts = np.bincount(_groups(low), minlength=len(self.nodes))
         pieces = []
-        for each in self.copies:
+        for each in self.left_in(low).copies:
             of_each = counts[each.numbers]
-            few = np.where(of_each <= of_each.mean(), of_each, 0)
+            few = np.where(of_each <= of_each[of_each > 0].mean(), of_each, 0)
             chosen = int(few.argmax())
-            if few[chosen]:
-                matrix = pm.inv(each.matrices[chosen])
-                pieces.append((each.numbers[chosen], each.numbers[0], matrix))
+            matrix = pm.inv(each.matrices[chosen])
+            pieces.append((each.numbers[chosen], each.numbers[0], matrix))
         return self._placed(low, pieces)[0]
 
     def restored(self, low: Mesh, materials: Materials) -> tuple[Mesh, Materials]:
         """Return a mesh of one part of each kind with all copies, and the groups of the source."""
         pieces = [
             (each.numbers[0], number, matrix)
-            for each in self.copies
+            for each in self.left_in(low).copies
             for number, matrix in zip(*each, strict=True)
         ]
         whole, faces = self._placed(low, pieces)
@@ -165,13 +198,16 @@ class RepeatedParts:
         groups = _groups(low)
         repeated = [number for each in self.copies for number in each.numbers]
         rest = np.flatnonzero(~np.isin(groups, repeated))
-        of_group = {take: np.flatnonzero(groups == take) for take in {take for take, *_ in pieces}}
+        order = np.argsort(groups, kind="stable")
+        numbers, starts = np.unique(groups[order], return_index=True)
+        faces_of = dict(zip(numbers.tolist(), np.split(order, starts[1:]), strict=True))
+        of_group = {take: faces_of[take] for take, *_ in pieces}
         of_parts = [rest, *(of_group[take] for take, *_ in pieces)]
-        excerpts = {take: excerpt(low, groups == take) for take in of_group}
+        excerpts = {take: excerpt(low, faces) for take, faces in of_group.items()}
         parts = [excerpts[take] for take, *_ in pieces]
         matrices = [matrix for *_, matrix in pieces]
         if len(rest):
-            parts.insert(0, excerpt(low, np.isin(np.arange(low.n_faces), rest)))
+            parts.insert(0, excerpt(low, rest))
             matrices.insert(0, np.eye(4))
         joined = join_parts(
             parts, low.name, np.array(matrices), groups=[("", i) for i in range(len(parts))]
@@ -185,94 +221,153 @@ class RepeatedParts:
         return joined, np.concatenate(of_parts)
 
 
-class _Part(NamedTuple):
-    """A part, and where it is from the first of its kind."""
-
-    faces: npt.NDArray[np.intp]
-    matrix: FloatArray  # (4, 4)
-    step: int  # -1 for the corners of each face in reverse
-
-    def at_corners(self, rows: npt.NDArray[Any]) -> npt.NDArray[Any]:
-        """(n, 3, k) rows of its faces."""
-        return np.asarray(rows[self.faces][:, :: self.step])
-
-
 def _groups(mesh: Mesh) -> IntArray:
     return np.zeros(mesh.n_faces, np.int32) if mesh.face_groups is None else mesh.face_groups
 
 
-def _add(
-    alike: dict[_Key, list[list[_Part]]],
-    mesh: Mesh,
-    faces: npt.NDArray[np.intp],
-    looks: Looks,
-) -> None:
-    """Add a part to those that it is a copy of, or as the first of its kind."""
-    materials = bytes(looks.materials[faces].astype(np.int32))
-    cell = _roundness(mesh.positions[mesh.faces[faces].ravel()])
-    for near in (cell, cell - 1, cell + 1):
-        for kind in alike.get((materials, near), [])[:_MOST_TRIED]:
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """n parts of k faces, of the same materials in the same order."""
+
+    mesh: Mesh
+    looks: Looks
+    faces: npt.NDArray[np.intp]  # (n, k)
+    centers: FloatArray  # (n, 3)
+    sizes: FloatArray  # (n,); greatest distances from the centers; 0 where there is no shape
+    arms: FloatArray  # (n, k, 3, 3); of the corners, from the centers, over the sizes
+
+    @classmethod
+    def of(
+        cls, mesh: Mesh, points: FloatArray, faces: npt.NDArray[np.intp], looks: Looks
+    ) -> _Parts:
+        """Measure parts in a mesh whose vertices lie at `points`, of moderate size."""
+        arms = points[mesh.faces[faces]].reshape(len(faces), -1, 3)
+        n_points = arms.shape[1]
+        centers = pm.matmul(np.full((1, n_points), 1.0 / n_points), arms)[:, 0]
+        arms -= centers[:, None]
+        sizes = pm.norm(arms, axis=2).max(axis=1)
+        arms /= np.where(sizes > 0.0, sizes, 1.0)[:, None, None]
+        return cls(mesh, looks, faces, centers, sizes, arms.reshape(*faces.shape, 3, 3))
+
+    def kinds(self) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
+        """Return the numbers of parts that are copies of one another, with their matrices.
+
+        The largest comes first, and is that which the others are compared with.
+        """
+        keys, slack = self._keys()
+        order = np.argsort(keys, axis=0, kind="stable")
+        listed = np.take_along_axis(keys, order, axis=0)
+        ends = [
+            (np.searchsorted(row, row - step), np.searchsorted(row, row + step, "right"))
+            for row, step in zip(listed.T, slack, strict=True)
+        ]
+        best = int(np.argmin([(stop - start).sum() for start, stop in ends]))
+        order, (starts, stops) = order[:, best], ends[best]  # which leaves the fewest to compare
+        rank, is_free, found = np.argsort(order, kind="stable"), self.sizes > 0.0, []
+        for first in np.argsort(-self.sizes, kind="stable").tolist():
+            if not is_free[first]:
+                continue
+            is_free[first] = False
+            near = order[starts[rank[first]] : stops[rank[first]]]
+            near = near[is_free[near] & (self.sizes[near] * _SIZES >= self.sizes[first])]
+            near = near[(np.abs(keys[near] - keys[first]) <= slack).all(axis=1)]
+            copies, matrices = [np.array([first])], [np.eye(4)[None]]
             for step in (1, -1):
-                part = _copy(mesh, kind[0], _Part(faces, np.eye(4), step), looks)
-                if part is not None:
-                    kind.append(part)
-                    return
-    first = _Part(faces, np.eye(4), 1)
-    alike.setdefault((materials, cell), []).append([first])
+                if len(near):
+                    alike, ways = self._copies(first, np.sort(near), step)
+                    is_free[alike] = False
+                    near = near[is_free[near]]
+                    copies.append(alike)
+                    matrices.append(ways)
+            if sum(map(len, copies)) > 1:
+                found.append((np.concatenate(copies), np.concatenate(matrices)))
+        return found
+
+    def _keys(self) -> tuple[FloatArray, FloatArray]:
+        """(n, m) numbers of each part that copies share, and (m,) by how much they may differ."""
+        n_parts, n_faces = self.faces.shape
+        rows = np.linspace(0, n_faces - 1, min(n_faces, _N_COMPARED)).astype(np.intp)
+        chosen = self.faces[:, rows]
+        arms = self.arms[:, rows]
+        uvs, colors = (each[chosen, 1] for each in (self.looks.uvs, self.looks.colors))
+        if self._has_tiles:
+            uvs = np.abs(uvs - np.rint(uvs))
+        # The middle corner stays in the middle, and the edge across from it across.
+        columns = [
+            (pm.norm(arms[:, :, 1], axis=2), _APART),
+            (pm.norm(arms[:, :, 2] - arms[:, :, 0], axis=2), 2.0 * _APART),
+            (uvs.reshape(n_parts, -1), 2.0 * _SAME),
+            (colors.reshape(n_parts, -1), 2.0 * _SAME),
+        ]
+        slack = [np.full(column.shape[1], step) for column, step in columns]
+        return np.concatenate([column for column, _ in columns], axis=1), np.concatenate(slack)
+
+    @property
+    def _has_tiles(self) -> bool:
+        return bool(self.looks.has_tiles[self.faces[0]].all())
+
+    def _copies(
+        self, first: int, near: npt.NDArray[np.intp], step: int
+    ) -> tuple[npt.NDArray[np.intp], FloatArray]:
+        """Return those of some parts that are copies of a part, and (n, 4, 4) their matrices.
+
+        `step` is -1 for the corners of each face in reverse.
+        """
+
+        def of_both(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+            return rows[self.faces[first]], rows[self.faces[near]][:, :, ::step]
+
+        (uvs, others), (colors, of_near) = map(of_both, (self.looks.uvs, self.looks.colors))
+        others = others - uvs
+        if self._has_tiles:
+            others -= np.rint(others[:, :1, :1])
+        near = near[(_most(others) <= _SAME) & (_most(of_near - colors) <= _SAME)]
+        one = self.arms[first].reshape(-1, 3)
+        arms = self.arms[near][:, :, ::step].reshape(len(near), *one.shape)
+        far = int(pm.norm(one, axis=1).argmax())
+        across = pm.norm(np.cross(one, one[far]), axis=1)
+        wide = int(across.argmax())
+        if across[wide] <= _APART:
+            near, arms = near[:0], arms[:0]  # a line, which may be turned about itself
+        ahead = _frames(arms[:, far], arms[:, wide], step)
+        turns = pm.matmul(ahead, _frames(one[None, far], one[None, wide], 1).swapaxes(1, 2))
+        scales = pm.norm(arms[:, far], axis=1) / pm.norm(one[far])
+        moved = pm.matmul(one, turns.swapaxes(1, 2)) * scales[:, None, None]
+        is_alike = pm.norm(moved - arms, axis=2).max(axis=1) <= _APART
+        near, turns, scales = near[is_alike], turns[is_alike], scales[is_alike]
+        maps = np.zeros((len(near), 4, 4))
+        maps[:, :3, :3], maps[:, 3, 3] = turns, step
+        is_alike = np.ones(len(near), np.bool_)
+        if self.mesh.normals is not None and self.mesh.normal_faces is not None:
+            normals = [self.mesh.normals[each] for each in of_both(self.mesh.normal_faces)]
+            is_alike &= _are_turned(normals[0], normals[1], turns)
+        if self.looks.tangents.shape[2]:
+            is_alike &= _are_turned(*of_both(self.looks.tangents), maps)
+        near, maps = near[is_alike], maps[is_alike]
+        maps[:, :3, :3] *= (scales[is_alike] * self.sizes[near] / self.sizes[first])[:, None, None]
+        maps[:, :3, 3] = self.centers[near] - pm.matvec(maps[:, :3, :3], self.centers[first])
+        maps[:, 3, 3] = 1.0
+        return near, maps
 
 
-_Key = tuple[bytes, int]  # materials of the faces, and how round a part is
+def _most(rows: npt.NDArray[Any]) -> FloatArray:
+    return np.asarray(np.abs(rows).max(axis=(1, 2, 3), initial=0.0))
 
 
-def _roundness(points: FloatArray) -> int:
-    """Mean distance from the center over the greatest, in steps that copies hardly differ by."""
-    lengths = pm.norm(points - points.mean(axis=0), axis=1)
-    return int(lengths.mean() / (float(lengths.max()) or 1.0) / (4.0 * _APART))
+def _frames(far: FloatArray, wide: FloatArray, sign: int) -> FloatArray:
+    """(n, 3, 3) matrices whose columns are perpendicular: along vectors, and by others."""
+    axes = _units(far)
+    normals = _units(np.cross(axes, wide))
+    return np.stack([axes, np.cross(normals, axes), sign * normals], axis=2)
 
 
-def _copy(mesh: Mesh, first: _Part, part: _Part, looks: Looks) -> _Part | None:
-    """Return a part with its matrix if it is a copy of another in shape and look."""
-    tiles, colors = (
-        part.at_corners(rows) - first.at_corners(rows) for rows in (looks.uvs, looks.colors)
-    )
-    tiles -= np.rint(tiles[:1, :1])
-    if max(np.abs(each).max(initial=0.0) for each in (tiles, colors)) > _SAME:
-        return None
-    both = first, part
-    points = [mesh.positions[each.at_corners(mesh.faces).ravel()] for each in both]
-    matrix = _motion(*points, is_mirrored=part.step < 0)
-    if matrix is None or mesh.normals is None or mesh.normal_faces is None:
-        return None if matrix is None else part._replace(matrix=matrix)
-    normals = [mesh.normals[each.at_corners(mesh.normal_faces).ravel()] for each in both]
-    turned = pm.matmul(normals[0], normal_map(matrix[:3, :3]).T)
-    turned /= np.maximum(pm.norm(turned, axis=1, keepdims=True), 1e-300)
-    is_alike = pm.norm(turned - normals[1], axis=1).max() <= _TURNED
-    return part._replace(matrix=matrix) if is_alike else None
+def _are_turned(one: npt.NDArray[Any], others: npt.NDArray[Any], maps: FloatArray) -> BoolArray:
+    """(n,) bool: whether maps (n, m, m) take directions (k, 3, m) to others (n, k, 3, m)."""
+    moved = pm.matmul(_units(one).reshape(-1, one.shape[-1]), maps.swapaxes(1, 2))
+    apart = pm.norm(moved - _units(others).reshape(moved.shape), axis=2)
+    return np.asarray(apart.max(axis=1, initial=0.0) <= _TURNED)
 
 
-def _motion(one: FloatArray, other: FloatArray, *, is_mirrored: bool) -> FloatArray | None:
-    """(4, 4) matrix that takes points to others; None if none does."""
-    centers = [each.mean(axis=0) for each in (one, other)]
-    arms = one - centers[0], other - centers[1]
-    lengths = [pm.norm(each, axis=1) for each in arms]
-    far = int(lengths[0].argmax())
-    sizes = [float(each[far]) for each in lengths]
-    across = pm.norm(np.cross(arms[0], arms[0][far]), axis=1)
-    wide = int(across.argmax())
-    if not sizes[0] <= _SIZES * sizes[1] <= _SIZES**2 * sizes[0]:
-        return None
-    if sizes[0] == 0.0 or across[wide] <= _APART * sizes[0] ** 2:
-        return None  # a line, which may be turned about itself
-    if np.abs(lengths[0] / sizes[0] - lengths[1] / sizes[1]).max() > _APART:
-        return None
-    frames = []
-    for each, size, sign in zip(arms, sizes, (1.0, -1.0 if is_mirrored else 1.0), strict=True):
-        axis = each[far] / size
-        normal = np.cross(axis, each[wide])
-        normal /= float(pm.norm(normal)) or 1.0
-        frames.append(np.stack([axis, np.cross(normal, axis), sign * normal], axis=1))
-    matrix = np.eye(4)
-    matrix[:3, :3] = sizes[1] / sizes[0] * pm.matmul(frames[1], frames[0].T)
-    matrix[:3, 3] = centers[1] - pm.matmul(matrix[:3, :3], centers[0][:, None])[:, 0]
-    apart = pm.norm(pm.matmul(arms[0], matrix[:3, :3].T) - arms[1], axis=1)
-    return matrix if apart.max() <= _APART * sizes[1] else None
+def _units(vectors: npt.NDArray[Any]) -> FloatArray:
+    lengths = pm.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(lengths > 0.0, lengths, 1.0))
