@@ -404,8 +404,8 @@ def test_levels_share_the_layout_and_have_smaller_maps(high, tmp_path):
     sizes = [read_image(made.files[f"{key}normal"], color=False).pixels.shape[0]
              for key in ("", "lod1_", "lod2_")]  # fmt: skip
     assert sizes == [128, 128, 64]
-    for level in made.levels:
-        assert share_elsewhere(level.mesh, made.low) < 0.1
+    for level, most in zip(made.levels, (0.03, 0.12), strict=True):
+        assert share_elsewhere(level.mesh, made.low) < most
         assert level.baked.report.miss_percent == 0.0
         assert set(level.baked.maps) == {"normal", "displacement", "ao"}
     assert len(json.loads(made.files["report"].read_text())["levels"]) == 2
