@@ -45,13 +45,15 @@ def beveled_angles(
     sizes = np.bincount(labels, surface_areas(points[corners]), minlength=len(labels))
     areas = np.asarray(sizes, dtype=np.float64)
     widths = 2.0 * areas / _perimeters(points, corners, labels, edges[flat])
-    normals = _normals(points, corners, labels)
+    crosses = face_crosses(points, corners)
+    sums = [np.bincount(labels, crosses[:, axis], minlength=len(labels)) for axis in range(3)]
+    normals = np.stack(sums, axis=1).astype(np.float64)
     is_planar = pm.norm(normals, axis=1) >= 2.0 * _PLANAR * areas
     is_wide = is_planar & (widths >= _WIDE * math.sqrt(float(areas.sum())))
     owners = _owners(first, second, areas, np.where(is_planar, widths, 0.0), normals)
     ends = owners[first], owners[second]
     meet = np.flatnonzero((ends[0] != ends[1]) & ((ends[0] != first) | (ends[1] != second)))
-    between = _degrees(normals[ends[0][meet]], normals[ends[1][meet]])
+    between = angles_between(normals[ends[0][meet]], normals[ends[1][meet]])
     found = angles.copy()
     places = np.flatnonzero(~flat)[meet]
     found[places] = np.maximum(found[places], np.where(between > _TURN, between, 0.0))
@@ -69,15 +71,14 @@ def _perimeters(
     return np.where(sums > 0.0, sums, np.inf)
 
 
-def _normals(points: FloatArray, corners: IntArray, labels: IntArray) -> FloatArray:
-    """(F, 3) mean normals of regions, weighted by area and not normalized."""
+def face_crosses(points: FloatArray, corners: IntArray) -> FloatArray:
+    """(F, 3) normals of faces, as long as twice their area."""
     a, b, c = (points[corners[:, i]] for i in range(3))
-    crosses = np.cross(b - a, c - a)
-    sums = [np.bincount(labels, crosses[:, axis], minlength=len(labels)) for axis in range(3)]
-    return np.stack(sums, axis=1)
+    return np.asarray(np.cross(b - a, c - a))
 
 
-def _degrees(normals: FloatArray, others: FloatArray) -> FloatArray:
+def angles_between(normals: FloatArray, others: FloatArray) -> FloatArray:
+    """(k,) degrees between vectors (k, 3) of any length."""
     crosses = pm.norm(np.cross(normals, others), axis=1)
     return np.asarray(np.degrees(pm.arctan2(crosses, (normals * others).sum(axis=1))))
 
@@ -99,7 +100,7 @@ def _owners(
         fits = free & reached[first] & (owner != second) & (span <= _MARGIN * widths[owner])
         fits &= widths[second] <= _NARROW * widths[owner]
         near = np.flatnonzero(fits)
-        near = near[_degrees(normals[owner[near]], normals[second[near]]) <= _TURN]
+        near = near[angles_between(normals[owner[near]], normals[second[near]]) <= _TURN]
         if not len(near):
             break
         near = near[np.lexsort((owner[near], -areas[owner[near]], second[near]))]

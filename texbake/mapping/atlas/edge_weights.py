@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.bevels import beveled_angles
+from texbake.mapping.atlas.bevels import angles_between, beveled_angles, face_crosses
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
@@ -20,8 +20,8 @@ from texbake.raycast.scene import RayScene
 
 # Weight of a hard edge, and of the angles, in degrees, at which edges begin to be hard and are.
 _HARD = 0.3
-_FLAT = 3.0  # weight of an edge within a plane
 _SOFT_ANGLE, _HARD_ANGLE = 25.0, 50.0
+_FLAT = 3.0  # weight of an edge within a plane: chosen by the seams of plates with holes
 
 # Rays per vertex, every how many vertices cast rays, and how many do at most. In each round, all
 # vertices are averaged with their neighbors.
@@ -51,7 +51,8 @@ def edge_weights(surface: ChartSurface, *, hide: float = 0.0, joined: bool = Tru
     """
     corners, solid, opposite = surface.joints
     edges = np.flatnonzero(opposite >= 0).astype(np.int32)
-    angles = _angles(surface.points, corners, edges // 3, opposite[edges] // 3)
+    normals = face_crosses(surface.points, corners)
+    angles = angles_between(normals[edges // 3], normals[opposite[edges] // 3])
     angles, flat = beveled_angles(surface.points, corners, edges, opposite[edges], angles)
     soft = np.ones(len(opposite))
     soft[edges] -= np.clip((angles - _SOFT_ANGLE) / (_HARD_ANGLE - _SOFT_ANGLE), 0.0, 1.0)
@@ -104,7 +105,7 @@ def _turning(points: FloatArray, corners: IntArray) -> FloatArray:
     n = _CELLS + 2  # empty ones around them
     cells = np.minimum((centers - low) * (_CELLS / (size or 1.0)), _CELLS - 1).astype(np.int64) + 1
     keys = (cells[:, 0] * n + cells[:, 1]) * n + cells[:, 2]
-    normals = _normals(points, corners)
+    normals = face_crosses(points, corners)
     values = np.concatenate([normals.T, pm.norm(normals, axis=1)[None]])
     counted = np.stack([np.bincount(keys, each, n**3) for each in values])
     sums: FloatArray = counted.reshape(4, n, n, n).astype(np.float64)
@@ -112,20 +113,6 @@ def _turning(points: FloatArray, corners: IntArray) -> FloatArray:
         sums = 2.0 * sums + np.roll(sums, 1, axis) + np.roll(sums, -1, axis)
     x, y, z, areas = sums.reshape(4, -1)[:, keys]
     return np.asarray(1.0 - np.sqrt(x * x + y * y + z * z) / np.maximum(areas, 1e-30))
-
-
-def _angles(points: FloatArray, corners: IntArray, one: IntArray, other: IntArray) -> FloatArray:
-    """(k,) degrees between the normals of faces."""
-    normals = _normals(points, corners)
-    crosses = pm.norm(np.cross(normals[one], normals[other]), axis=1)
-    dots = (normals[one] * normals[other]).sum(axis=1)
-    return np.asarray(np.degrees(pm.arctan2(crosses, dots)))
-
-
-def _normals(points: FloatArray, corners: IntArray) -> FloatArray:
-    """(F, 3) normals of faces, as long as twice their area."""
-    a, b, c = (points[corners[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a))
 
 
 def _openness(surface: ChartSurface, corners: IntArray, solid: BoolArray) -> FloatArray:
@@ -137,7 +124,7 @@ def _openness(surface: ChartSurface, corners: IntArray, solid: BoolArray) -> Flo
     mesh = Mesh(positions=surface.points, faces=corners[solid])
     frame = LocalFrame.around(mesh)
     normals = np.zeros((n, 3))
-    for axis, values in enumerate(_normals(surface.points, corners[solid]).T):
+    for axis, values in enumerate(face_crosses(surface.points, corners[solid]).T):
         normals[:, axis] = np.bincount(corners[solid].ravel(), np.repeat(values, 3), minlength=n)
     lengths = pm.norm(normals[chosen], axis=1)
     axes = (normals[chosen] / np.where(lengths > 0.0, lengths, 1.0)[:, None]).astype(np.float32)

@@ -64,23 +64,26 @@ def _camera_rows(
     mesh: Mesh,
     camera: tuple[float, float] | tuple[float, float, float | None] | None,
     fov: float,
+    local: LocalFrame,
 ) -> tuple[FloatArray, FloatArray]:
-    """(4, 3) rows of the matrix, and (3,) the way from the center of the mesh to the camera."""
+    """(4, 3) rows of the matrix, and (3,) the local way from the center to the camera."""
     azimuth, elevation, *rest = camera or (0.0, 0.0)
     assert azimuth is not None and elevation is not None
     sin_a, cos_a = pm.sin(math.radians(azimuth)), pm.cos(math.radians(azimuth))
     sin_e, cos_e = pm.sin(math.radians(elevation)), pm.cos(math.radians(elevation))
     right, back = np.array([(cos_a, 0.0, -sin_a), (sin_a * cos_e, sin_e, cos_a * cos_e)])
     up = np.cross(back, right)
-    distance = rest[0] if rest else None
+    given = rest[0] if rest else None
     half = math.radians(fov) / 2.0
-    if distance is None:
+    if given is None:
         # That of the sphere about the center of the bounding box; 1 for a mesh without extent.
-        local = LocalFrame.around(mesh)
-        points = local.to_local(mesh.positions[mesh.faces.ravel()])
+        own = LocalFrame.around(mesh)
+        points = own.to_local(mesh.positions[mesh.faces.ravel()])
         radius = math.sqrt(float(pm.vecdot(points, points).max()))
-        radius = radius / local.scale if radius > 0.0 else 1.0
+        radius = radius * (local.scale / own.scale) if radius > 0.0 else local.scale
         distance = _MARGIN * radius / pm.sin(half)
+    else:
+        distance = given * local.scale
     focal = 1.0 / pm.tan(half)
     rows = np.stack([0.5 * (focal * right - back), 0.5 * (focal * up - back), -back, -back])
     return rows, distance * back
@@ -122,8 +125,8 @@ def projector_matrix(mesh: Mesh, options: UnwrapOptions, local: LocalFrame) -> F
     with np.errstate(over="ignore", invalid="ignore"):
         if options.matrix is None:
             # Seen from the center, so that no bit is lost where the model is far from the origin.
-            rows, away = _camera_rows(mesh, options.camera, options.fov)
-            matrix = np.column_stack([rows / local.scale, pm.matmul(-rows, away)])
+            rows, away = _camera_rows(mesh, options.camera, options.fov, local)
+            matrix = np.column_stack([rows, pm.matmul(-rows, away)])
         else:
             matrix = np.array(whole_matrix(options.matrix), dtype=np.float64)
             matrix = np.column_stack(
