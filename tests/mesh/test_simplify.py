@@ -689,3 +689,11 @@ def test_no_more_tries_where_fewer_are_not_possible():
 
     assert search_fewest(attempt, 0.5, 4, 5_000, 1_000) <= 300
     assert sum(n < 290 for n in tried) == 1
+
+
+@pytest.mark.parametrize("quality", ["fast", "best"])
+def test_faces_that_are_there_twice_count_once(quality):
+    ball = icosphere(4)
+    twice = ball.replace(faces=np.concatenate([ball.faces, np.roll(ball.faces, 1, axis=1)]))
+    one, other = (simplify(mesh, 300, quality=quality) for mesh in (ball, twice))
+    assert np.array_equal(one.positions[one.faces], other.positions[other.faces])

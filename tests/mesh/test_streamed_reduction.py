@@ -83,9 +83,9 @@ def test_parts_far_apart_and_faces_in_any_order(tmp_path):
     np.testing.assert_allclose(low.bounds[1, 0] - low.bounds[0, 0], 302.0, atol=0.2)
 
 
-@pytest.mark.parametrize(("at_once", "most"), [(9_000, 0.03), (1 << 20, 0.015)])
+@pytest.mark.parametrize(("at_once", "most"), [(9_000, 0.04), (1 << 20, 0.01)])
 def test_doubled_faces_and_faces_without_area(tmp_path, monkeypatch, at_once, most):
-    """Copies in different pieces become two surfaces that differ, each with half of the faces."""
+    """Copies in one piece count once; in different pieces, they become surfaces that differ."""
     monkeypatch.setattr(reduction, "AT_ONCE", at_once)
     ball = bumpy(100)
     flat = np.repeat(ball.faces[:500, :1], 3, axis=1)

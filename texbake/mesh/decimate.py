@@ -22,7 +22,7 @@ from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
 from texbake.mesh.topology import face_components, find_edges, repeated_vertices
-from texbake.mesh.weld import weld_rows
+from texbake.mesh.weld import later_copies, weld_rows
 from texbake.records import dataclass
 
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
@@ -88,6 +88,12 @@ class VertexStream:
         if self.has_seams or self.is_apart:
             return False
         return bool(find_edges(self.position_ids[self.faces]).non_manifold.any())
+
+    def without_copies(self) -> VertexStream:
+        """Stream without faces that repeat an earlier one, wound alike."""
+        turns = (self.faces.argmin(axis=1)[:, None] + np.arange(3)) % 3
+        copies = later_copies(np.take_along_axis(self.faces, turns, axis=1))
+        return self.restricted(self.faces[~copies]) if copies.any() else self
 
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""

@@ -91,10 +91,10 @@ def reduced(
 ) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
-    It `gives_up` something where the count needs that. If it `shades`, changes of the mesh's own
-    normals count as well, and those that are left stay as they are. Vertices stay where they are:
-    pictures are closer than of moved ones. No part is dropped, since it would leave a hole in
-    pictures.
+    If it `gives_up`, seams, parts and more may go where the count needs that. If it `shades`,
+    changes of the mesh's own normals count as well, and normals that are left stay as they are.
+    Vertices then keep their places, which makes pictures closer, and no part is dropped, which
+    would leave a hole in them.
     """
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
@@ -250,10 +250,12 @@ def _attempts(
 ) -> Iterator[_Attempt]:
     """Yield attempts to reach the count, each giving up more than the one before.
 
-    Nothing is given up unless it `gives_up` something, and no parts unless it `drops` some.
+    With `gives_up` false, nothing is given up; with `drops` false, all parts stay.
     """
     notes: tuple[str, ...] = ()
     while True:
+        if stream.has_bad_edges:
+            stream = stream.without_copies()
         if boundary_fits(stream, n_faces):
             yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
         yield stream, partial(collapse_stream, stream), _COLLAPSES, notes

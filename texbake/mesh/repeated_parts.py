@@ -35,7 +35,7 @@ _N_COMPARED = 8  # faces of each part that are compared at first
 
 @dataclass(frozen=True, eq=False)
 class Looks:
-    """What faces look like, beside their shape."""
+    """What faces look like, apart from their shape."""
 
     materials: IntArray  # (F,); faces of different ones look different
     uvs: FloatArray  # (F, 3, 2m); of m sets
@@ -156,7 +156,7 @@ class RepeatedParts:
         return ~np.isin(_groups(self.mesh), others)
 
     def left_in(self, low: Mesh) -> RepeatedParts:
-        """Return it with only those kinds of parts of which a simplified mesh has any."""
+        """Return only the kinds of parts that a simplified mesh still has."""
         counts = np.bincount(_groups(low), minlength=len(self.nodes))
         return replace(self, copies=tuple(e for e in self.copies if counts[e.numbers].any()))
 
@@ -355,7 +355,7 @@ def _most(rows: npt.NDArray[Any]) -> FloatArray:
 
 
 def _frames(far: FloatArray, wide: FloatArray, sign: int) -> FloatArray:
-    """(n, 3, 3) matrices whose columns are perpendicular: along vectors, and by others."""
+    """(n, 3, 3) orthonormal frames: the first axis along `far`, the second towards `wide`."""
     axes = _units(far)
     normals = _units(np.cross(axes, wide))
     return np.stack([axes, np.cross(normals, axes), sign * normals], axis=2)
