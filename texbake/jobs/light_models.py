@@ -148,8 +148,8 @@ class Source:
     def _why_new_uvs(self) -> str:
         """Why the texture coordinates cannot stay, or with `auto` should not; "" if they can."""
         textured = sum(item.has_images for item in self._shown.materials)
-        has_images = self.materials.has_images
-        if (self.mesh.uvs is None) if has_images else not self._many_images:
+        can_lie = self.mesh.uvs is not None if self.materials.has_images else self._many_images
+        if not can_lie:
             return "has no images that lie on its texture coordinates"
         if self.materials.image_uv_sets - {0}:
             return "has images on further texture coordinates"
@@ -181,7 +181,9 @@ class Source:
         tables = (table for _, table in self.materials.variants)
         return any([sources[i] for i in table] != sources for table in tables)
 
+    @cached_property
     def _oriented(self) -> tuple[Mesh, LowNormals, tuple[str, ...]]:
+        """The model with its poses, facing outwards; how its normals are made, and notes."""
         options = self.options
         source = with_poses(self.mesh, self.rig)
         source = joined_objects(source) if options.join_objects else source
@@ -196,7 +198,7 @@ class Source:
         options, threads = self.options, self.options.threads
         report = None
         with self.stages.part("simplify"):
-            high, rule, warnings = self._oriented()
+            high, rule, warnings = self._oriented
             low, materials = high, self.materials
             if high.n_faces > n_faces:
                 file = MeshFileMaterials(path=Path(high.name), materials=materials)
@@ -274,8 +276,8 @@ class Source:
         if self._many_images:
             raise OptionError(self._many_images)
         with self.stages.part("simplify"):
-            high, rule, notes = self._oriented()
-            repeated = RepeatedParts.among(high, materials) if options.stack else None
+            high, rule, notes = self._oriented
+            repeated = self._repeated
             if options.stack and repeated is None:
                 why = _UNSHARED[high.deformation is not None]
                 notes = (*notes, f"{self.mesh.name}: no parts share texels: {why}")
@@ -286,7 +288,10 @@ class Source:
             low = low if repeated is None else repeated.one_each(low)
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
-        source, high = self._sources(high, repeated)
+        source = self
+        if repeated is not None:  # of repeated parts, one of each kind is baked
+            of_first = materials_of_faces(materials, high, repeated.is_first)
+            source, high = replace(self, materials=of_first), excerpt(high, repeated.is_first)
         maps = transferred_channels(self._shown)
         if simplified is not None or any(materials.sources("normal")) or needs_bake(materials):
             maps = ("normal", *maps)
@@ -315,21 +320,15 @@ class Source:
             made["n_shared"] = repeated.left_in(low).n_shared
             low, shared = repeated.restored(low, shared)
         return LightModel(
-            mesh=low,
-            materials=shared,
-            pictures=tuple(baker.pictures),
-            simplified=simplified,
-            warnings=notes,
-            **made,
-        )
+            mesh=low, materials=shared, pictures=tuple(baker.pictures), simplified=simplified,
+            warnings=notes, **made,
+        )  # fmt: skip
 
-    def _sources(self, high: Mesh, repeated: RepeatedParts | None) -> tuple[Source, Mesh]:
-        """Return what is baked from: one of each kind of repeated part, and all others."""
-        if repeated is None:
-            return self, high
-        chosen = repeated.is_first
-        materials = materials_of_faces(self.materials, high, chosen)
-        return replace(self, materials=materials), excerpt(high, chosen)
+    @cached_property
+    def _repeated(self) -> RepeatedParts | None:
+        """The parts that are copies of one another, if they shall share texels."""
+        high, *_ = self._oriented
+        return RepeatedParts.among(high, self.materials) if self.options.stack else None
 
     def _baked(
         self, high: Mesh, low: Mesh, low_poly: LowPoly | None, rule: LowNormals,

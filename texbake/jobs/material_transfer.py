@@ -314,7 +314,7 @@ def _title(kind: _Kind) -> str:
 
 
 def _fitting(channels: dict[str, ChannelSource], kind: _Kind) -> dict[str, ChannelSource]:
-    """Channels of a kind of material: not the alpha of opaque ones, nor a transmission of none."""
+    """Channels of a kind of material: alpha unless it is opaque, transmission if it transmits."""
     mode, *_, transmits, _ = kind
     without = {"alpha"} if mode == "opaque" else set()
     without |= set() if transmits else {"transmission"}
