@@ -114,10 +114,7 @@ class BuildTable:
         self._left: float | None = None
         self._left_at = 0.0
         self._live = Live(
-            console=self._console,
-            get_renderable=self._table,
-            refresh_per_second=4,
-            transient=True,
+            console=self._console, get_renderable=self._table, refresh_per_second=4, transient=True
         )
 
     def __enter__(self) -> Self:

@@ -162,11 +162,7 @@ class SectionedCommand(click.Command):
     """
 
     def __init__(
-        self,
-        *args: Any,
-        sections: Mapping[str, Sequence[str]],
-        common: Sequence[str],
-        **extra: Any,
+        self, *args: Any, sections: Mapping[str, Sequence[str]], common: Sequence[str], **extra: Any
     ) -> None:
         super().__init__(*args, **extra)
         self._sections, self._common = sections, common

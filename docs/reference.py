@@ -294,10 +294,7 @@ _FURTHER = (
     ("texbake.limits", "`raised_limits`"),
     ("texbake.verbs", "commands as functions from files to files: `map_bakes.bake_normals`, ..."),
     ("texbake.jobs", "what commands share; `texbake.verbs` also checks outputs before it begins"),
-    (
-        "texbake.mesh",
-        "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ...",
-    ),
+    ("texbake.mesh", "`tangents.corner_tangents`, `materials`, `remesh.remesh_with_report`, ..."),
     ("texbake.mapping", "`unwrap.unwrap_with_report`, `layout_svg.layout_svg`, ..."),
     ("texbake.texture", "`mipmaps.mip_chain`, `sample.sample_texture`, `pack`, `cube_map`, ..."),
     ("texbake.baking", "`texture.photos.bake_photos`, `texture.solid`, `hits_file`, ..."),

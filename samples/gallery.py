@@ -70,10 +70,7 @@ BUFFERS = {
     "uv": ("buffers", "Texture coordinates within each tile: u as red, v as green."),
     "object-id": ("buffers", "One color per object."),
     "texel-grid": ("texels", "A checker of texels, gray where they are smaller than pixels."),
-    "mip-level": (
-        "texels",
-        "The mip level that is read: one hue per level, gray for level 0.",
-    ),
+    "mip-level": ("texels", "The mip level that is read: one hue per level, gray for level 0."),
     "overdraw": ("rings", "How many triangles cover a sample: brighter for more."),
 }
 INTRODUCTION = """\

@@ -34,10 +34,7 @@ LONGEST_NAME = 400
 
 @contextmanager
 def raised_limits(
-    *,
-    max_image: int | None = None,
-    max_triangles: int | None = None,
-    allow_outside: bool = False,
+    *, max_image: int | None = None, max_triangles: int | None = None, allow_outside: bool = False
 ) -> Iterator[None]:
     """Raise limits, images by their side in pixels, for the block and processes it starts."""
     allows_outside()

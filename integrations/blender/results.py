@@ -167,10 +167,7 @@ class Wiring:
 
 
 def show_maps(
-    item: bpy.types.Object,
-    maps: list[dict[str, Any]],
-    images: list[bpy.types.Image],
-    uv_map: str,
+    item: bpy.types.Object, maps: list[dict[str, Any]], images: list[bpy.types.Image], uv_map: str
 ) -> list[str]:
     """Wire maps into the materials of an object; return warnings."""
     names = [baked["name"] for baked in maps]

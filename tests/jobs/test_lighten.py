@@ -10,14 +10,7 @@ import pytest
 from tests.character import character, posed
 from tests.glb import read_glb
 from tests.models import sponge
-from texbake.errors import (
-    MeshError,
-    OptionError,
-    ReadWarning,
-    UnwrapError,
-    UvError,
-    heard_warnings,
-)
+from texbake.errors import MeshError, OptionError, ReadWarning, UnwrapError, UvError, heard_warnings
 from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.light_budget import Budget, Trial
 from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files

@@ -115,11 +115,7 @@ class TexelSums:
         return sums.reshape(shape)
 
     def _add_values(
-        self,
-        hits: Hits,
-        kinds: list[MapKind],
-        counts: npt.NDArray[np.uint8],
-        inputs: BakeInputs,
+        self, hits: Hits, kinds: list[MapKind], counts: npt.NDArray[np.uint8], inputs: BakeInputs
     ) -> None:
         """Add samples to maps, then count them."""
         for kind in kinds:

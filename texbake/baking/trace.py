@@ -14,14 +14,7 @@ from texbake.baking.maps import MapKind
 from texbake.baking.rays import RayField, RayMaps, UnobstructedRays
 from texbake.baking.scenes import BakeScenes
 from texbake.baking.secondary_rays import SecondaryRays
-from texbake.baking.texels import (
-    NO_FACE,
-    SampleGrid,
-    Samples,
-    SnappedFaces,
-    owned_bands,
-    snap_uvs,
-)
+from texbake.baking.texels import NO_FACE, SampleGrid, Samples, SnappedFaces, owned_bands, snap_uvs
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.mesh import IntArray, Mesh

@@ -281,10 +281,7 @@ PipelineTable: type[Table] = create_model(
     folder=(described(Text, f"Folder of the outputs; without it, {FOLDER}."), None),
     store=(described(Text, "Folder or URL of stored results."), None),
     outputs=(described(Text, "Folder or URL of published outputs."), None),
-    check=(
-        described(dict[str, Any], "Options of all steps that check, such as `allow`."),
-        None,
-    ),
+    check=(described(dict[str, Any], "Options of all steps that check, such as `allow`."), None),
     assets=(described(list_of(AssetTable, _check_not_empty), "The assets to build."), ...),
     steps=(
         described(

@@ -113,10 +113,7 @@ class BuildResult:
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure."""
         work = sum(asset.seconds for asset in self.assets)
-        assets = [
-            f"{self.count(BUILT):,} built",
-            f"{self.count(CURRENT):,} current",
-        ]
+        assets = [f"{self.count(BUILT):,} built", f"{self.count(CURRENT):,} current"]
         if self.failed:
             assets.append(f"{len(self.failed):,} failed")
         if n_waiting := self.count(WAITING):

@@ -258,11 +258,7 @@ def _listed(folder: Path, name: str) -> dict[str, Any]:
     return {
         "file": name,
         "files": [
-            {
-                "path": inner,
-                "sha256": file_digest(file),
-                "size": (file_signature(file) or (0,))[0],
-            }
+            {"path": inner, "sha256": file_digest(file), "size": (file_signature(file) or (0,))[0]}
             for file, inner in zip(files, names, strict=True)
         ],
     }

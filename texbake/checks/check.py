@@ -235,9 +235,7 @@ def _pair_findings(pair: MeshPair, owners: TexelOwners | None) -> list[Finding |
     return results
 
 
-def _coordinate_findings(
-    checked: CheckedMesh,
-) -> tuple[list[Finding | None], TexelOwners | None]:
+def _coordinate_findings(checked: CheckedMesh) -> tuple[list[Finding | None], TexelOwners | None]:
     """Findings that only a low-poly mesh can have, and which of its faces own which texels."""
     if not checked.has_coordinates:
         return [checked.finding("no-coordinates", 1)], None

@@ -235,8 +235,7 @@ def crossed_by(checked: CheckedMesh) -> tuple[IntArray, BoolArray]:
     positions = frozen(np.ascontiguousarray(frame.to_local(mesh.positions)))
     low, high = mesh.bounds * frame.scale
     depth = max(
-        _DEPTH * float(pm.norm(high - low)),
-        _RELATIVE_DEPTH * float(np.abs([low, high]).max()),
+        _DEPTH * float(pm.norm(high - low)), _RELATIVE_DEPTH * float(np.abs([low, high]).max())
     )
     normals = _normals_of_thick_faces(positions[mesh.faces], checked.normals, depth)
     tree = TriangleTree.build(positions, mesh.faces, threads=threads)

@@ -125,11 +125,7 @@ def build_for_fuzzer(folder: Path) -> Path:
 
 
 def build(
-    folder: Path,
-    target: Target | None = None,
-    *,
-    sanitize: bool = False,
-    strict: bool = False,
+    folder: Path, target: Target | None = None, *, sanitize: bool = False, strict: bool = False
 ) -> list[Path]:
     """Compile the core into a folder; return its libraries, one per level of instructions.
 

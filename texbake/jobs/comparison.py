@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from texbake.files import PathLike
-from texbake.jobs.outputs import (
-    JobResult,
-)
+from texbake.jobs.outputs import JobResult
 from texbake.mesh.files import read_mesh
 from texbake.mesh.mesh import Mesh
 from texbake.progress import Progress

@@ -29,13 +29,7 @@ import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, scratch_folder
-from texbake.jobs.light_images import (
-    Picture,
-    coded_pictures,
-    decoded,
-    squared_errors,
-    with_files,
-)
+from texbake.jobs.light_images import Picture, coded_pictures, decoded, squared_errors, with_files
 from texbake.jobs.light_models import LightModel, Source
 from texbake.mesh.materials import Materials
 from texbake.records import dataclass

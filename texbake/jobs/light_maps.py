@@ -210,9 +210,7 @@ def _warnings(scene: Scene, maps: tuple[LightMap, ...]) -> Iterator[str]:
     for map_ in maps:
         if map_.n_overlapping:
             n = counted(
-                map_.n_overlapping,
-                "sample of its light map lies",
-                "samples of its light map lie",
+                map_.n_overlapping, "sample of its light map lies", "samples of its light map lie"
             )
             yield (
                 f"{map_.name}: {n} on more than one face; give each face coordinates of its own "

@@ -266,6 +266,5 @@ def _materials(model: PathLike, mesh: Mesh) -> Materials:
     if found is not None:
         return found
     return Materials(
-        face_materials=np.zeros(mesh.n_faces, np.int32),
-        materials=(MeshMaterial(name=mesh.name),),
+        face_materials=np.zeros(mesh.n_faces, np.int32), materials=(MeshMaterial(name=mesh.name),)
     )

@@ -18,18 +18,9 @@ from texbake.baking.parts.bake_parts import bake_objects
 from texbake.baking.report import BakeReport
 from texbake.baking.result import BakedMap, BakeResult, WrittenMap, redundant_maps
 from texbake.errors import OptionError, counted
-from texbake.files import (
-    PathLike,
-    appearing_together,
-    make_folder,
-    scratch_folder,
-)
+from texbake.files import PathLike, appearing_together, make_folder, scratch_folder
 from texbake.jobs.fit import check_fit, with_diagnosis
-from texbake.jobs.outputs import (
-    JobResult,
-    check_distinct,
-    present_paths,
-)
+from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.mesh.files import read_mesh
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
@@ -162,11 +153,7 @@ def _read_whole(path: PathLike, join_objects: bool, progress: Progress) -> Mesh:
 
 
 def _read_high(
-    path: PathLike,
-    n_low_faces: int,
-    options: BakeOptions,
-    progress: Progress,
-    join_objects: bool,
+    path: PathLike, n_low_faces: int, options: BakeOptions, progress: Progress, join_objects: bool
 ) -> Mesh | StreamedMesh:
     """Read the high-poly mesh; one that is too large for `max_memory` stays in its file."""
     source = None if options.max_memory is None else open_source(path)

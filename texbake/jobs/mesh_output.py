@@ -140,9 +140,7 @@ class MaterialPartition:
             of_faces = parts[:, 1]
             groups = None if mesh.face_groups is None else parts[:, 0]
             made = made.replace(
-                face_groups=groups,
-                group_names=mesh.group_names,
-                group_objects=mesh.group_objects,
+                face_groups=groups, group_names=mesh.group_names, group_objects=mesh.group_objects
             )
         lost = self.source.lost
         if materials.image_uv_sets - {0}:

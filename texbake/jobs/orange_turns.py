@@ -108,10 +108,7 @@ class OrangeTurns:
 
 
 def measure_turns(
-    angles: Sequence[int] = ANGLES,
-    *,
-    threads: int | None = None,
-    progress: Progress = None,
+    angles: Sequence[int] = ANGLES, *, threads: int | None = None, progress: Progress = None
 ) -> OrangeTurns:
     """Turn light and viewer by degrees around an orange, and measure each method's error."""
     stages = Stages(progress)
@@ -175,9 +172,7 @@ def _objects(threads: int | None) -> dict[str, SceneObject]:
     sphere = _sphere_around(high)
     truth = SceneObject(mesh=high, material=_PEEL)
     maps = bake(
-        high,
-        sphere,
-        BakeOptions(size=_MAP_SIZE, maps=("normal", "displacement"), threads=threads),
+        high, sphere, BakeOptions(size=_MAP_SIZE, maps=("normal", "displacement"), threads=threads)
     ).maps
     normals = _texture(maps["normal"].values)
     heights = maps["displacement"].values

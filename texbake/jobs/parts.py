@@ -235,10 +235,7 @@ def _why_missed(
 
 
 def _high_materials(
-    files: Sequence[PathLike],
-    meshes: Sequence[Mesh],
-    options: BakeOptions,
-    image: PathLike | None,
+    files: Sequence[PathLike], meshes: Sequence[Mesh], options: BakeOptions, image: PathLike | None
 ) -> list[Materials | None] | None:
     if not needs_materials(options.maps, options):
         return None

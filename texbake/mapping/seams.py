@@ -137,8 +137,6 @@ def regions_between(
         normals = face_normals(mesh)
         divides |= exceed_angle(normals[one // 3], normals[other // 3], angle)
     labels = merged_labels(
-        mesh.n_faces,
-        (one[~divides] // 3).astype(np.int32),
-        (other[~divides] // 3).astype(np.int32),
+        mesh.n_faces, (one[~divides] // 3).astype(np.int32), (other[~divides] // 3).astype(np.int32)
     )
     return labels, int(np.count_nonzero(divides & (labels[one // 3] == labels[other // 3])))

@@ -269,11 +269,7 @@ def join_parts(
             fields["tangents"] = _joined_tangents(parts, matrices)
         if matrices is not None:
             _place(fields, parts, matrices)
-    return Mesh(
-        **_joined_groups(parts, groups, objects),
-        name=name,
-        **fields,
-    )
+    return Mesh(**_joined_groups(parts, groups, objects), name=name, **fields)
 
 
 def _joined_uv_sets(parts: Sequence[Part]) -> dict[str, UvSet]:
@@ -303,9 +299,7 @@ def _joined_deformation(parts: Sequence[Part], matrices: FloatArray | None) -> D
 
 
 def _joined_groups(
-    parts: Sequence[Part],
-    groups: Sequence[tuple[str, int]] | None,
-    numbers: Sequence[int] | None,
+    parts: Sequence[Part], groups: Sequence[tuple[str, int]] | None, numbers: Sequence[int] | None
 ) -> dict[str, Any]:
     """Fields of `Mesh` for groups and polygons; a mesh is one object unless it has several."""
     polygon_of = None

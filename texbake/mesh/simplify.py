@@ -220,10 +220,7 @@ def measured_to(
     if isinstance(mesh, ReducedMesh):
         notes = (mesh.note, *notes)
     return replace(
-        report,
-        n_faces_before=whole.n_faces,
-        notes=(*notes, *distance.notes),
-        distance=distance,
+        report, n_faces_before=whole.n_faces, notes=(*notes, *distance.notes), distance=distance
     )
 
 

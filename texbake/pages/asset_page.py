@@ -16,15 +16,7 @@ from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import BoolArray, Mesh
 from texbake.metadata import SPACE
-from texbake.pages.page import (
-    as_json,
-    asset,
-    duration,
-    number,
-    page_html,
-    render,
-    write_page,
-)
+from texbake.pages.page import as_json, asset, duration, number, page_html, render, write_page
 from texbake.pages.pictures import (
     MapPicture,
     baked_pictures,

@@ -112,8 +112,7 @@ _RANKS = {"failed": 3, "skipped": 2, "built": 1, "kept": 0}
 def _with_thumbnails(rows: Sequence[BuildRow]) -> list[bool]:
     """Return which rows show their thumbnails: the worst assets, up to the limit in bytes."""
     worst_first = sorted(
-        range(len(rows)),
-        key=lambda k: (-_RANKS[rows[k].status], -(rows[k].error_deg or 0.0), k),
+        range(len(rows)), key=lambda k: (-_RANKS[rows[k].status], -(rows[k].error_deg or 0.0), k)
     )
     shown, room = [False] * len(rows), MOST_THUMBNAIL_BYTES
     for k in worst_first:

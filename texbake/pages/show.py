@@ -62,11 +62,7 @@ class MeshPage:
 
 
 def show(
-    mesh: MeshLike,
-    maps: Maps | None = None,
-    *,
-    up: str = RenderOptions.up,
-    height: int = 640,
+    mesh: MeshLike, maps: Maps | None = None, *, up: str = RenderOptions.up, height: int = 640
 ) -> MeshPage:
     """Show a mesh in a notebook: in 3D with lights and wireframe, and with its maps and UV layout.
 

@@ -164,10 +164,7 @@ def _sort_into_nodes(
 
 
 def _sort_by_digit(
-    source: npt.NDArray[np.uint64],
-    target: npt.NDArray[np.uint64],
-    shift: int,
-    threads: int | None,
+    source: npt.NDArray[np.uint64], target: npt.NDArray[np.uint64], shift: int, threads: int | None
 ) -> None:
     """Sort numbers by the digit from bit `shift` on; equal digits keep their order."""
     n_bands = -(-len(source) // _FACES_PER_BAND)

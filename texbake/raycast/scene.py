@@ -99,11 +99,7 @@ class RayScene:
         return self.source
 
     def cast(
-        self,
-        rays: Rays,
-        *,
-        cull_back_faces: bool = True,
-        places: RayPlaces | None = None,
+        self, rays: Rays, *, cull_back_faces: bool = True, places: RayPlaces | None = None
     ) -> RayHits:
         """Find the first hit of each ray within its length; of equally near faces the lowest.
 

@@ -132,11 +132,7 @@ def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -
 
 
 def draw(
-    prepared: Prepared,
-    camera: Camera,
-    *,
-    keep: Collection[str] = (),
-    progress: Progress = None,
+    prepared: Prepared, camera: Camera, *, keep: Collection[str] = (), progress: Progress = None
 ) -> Frame:
     """Draw a scene from one camera with a fixed number of samples per pixel."""
     frame, state = _draw(prepared, prepared.request(camera, keep), Stages(progress))
@@ -300,11 +296,7 @@ def find_background(state: RenderState) -> FloatImage | None:
 
 
 def _draw_others(
-    prepared: Prepared,
-    depth: int,
-    scene: Scene,
-    cameras: Sequence[Camera],
-    options: RenderOptions,
+    prepared: Prepared, depth: int, scene: Scene, cameras: Sequence[Camera], options: RenderOptions
 ) -> list[FloatImage]:
     """Draw other pictures of the same objects, as for an environment."""
     other = replace(prepared, scene=scene, options=options, loaded=SceneCache())

@@ -49,12 +49,7 @@ def find_visible(state: RenderState) -> VisibleScene:
             visibility = rasterize_samples(state, opaque)
         seen = seen_objects(visibility, state.world, threads=state.threads)
     state.costs.add("rasterizing", 0.0, visibility.n_bytes)
-    return VisibleScene(
-        visibility=visibility,
-        modes=modes,
-        objects=seen,
-        scanline_weights=weights,
-    )
+    return VisibleScene(visibility=visibility, modes=modes, objects=seen, scanline_weights=weights)
 
 
 def screen_of(state: RenderState) -> tuple[FloatArray, int, int]:

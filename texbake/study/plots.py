@@ -174,11 +174,7 @@ def draw_dots(
 
 
 def _draw(
-    axes: Axes,
-    results: list[KnobResult],
-    colors: dict[tuple[str, str], str],
-    *,
-    label_size: float,
+    axes: Axes, results: list[KnobResult], colors: dict[tuple[str, str], str], *, label_size: float
 ) -> None:
     """Draw the settings of knobs with the range of their times, and lines along series."""
     dots, lines = [], []

@@ -152,11 +152,7 @@ def unit_normals(vectors: Float32Array) -> Float32Array:
 
 
 def encode_normals(
-    normals: npt.NDArray[Any],
-    *,
-    bits: int,
-    convention: str = "opengl",
-    threads: int | None = None,
+    normals: npt.NDArray[Any], *, bits: int, convention: str = "opengl", threads: int | None = None
 ) -> npt.NDArray[Any]:
     """Encode unit vectors (..., 3) as the colors of a normal map, (n + 1) / 2."""
     signs = np.array([1.0, _green_sign(convention), 1.0])
@@ -198,12 +194,7 @@ def decode_normals(
 
 
 def encode_heights(
-    heights: npt.NDArray[Any],
-    *,
-    bits: int,
-    mid: float,
-    scale: float,
-    threads: int | None = None,
+    heights: npt.NDArray[Any], *, bits: int, mid: float, scale: float, threads: int | None = None
 ) -> npt.NDArray[Any]:
     """Encode distances d (...) in model units as h = d / scale + mid; integer codes are clipped."""
     if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):

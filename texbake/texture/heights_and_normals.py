@@ -35,11 +35,7 @@ from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import decode_normals
 from texbake.texture.image import Image
-from texbake.texture.options import (
-    DEFAULT_SCALE,
-    HeightToNormalOptions,
-    NormalToHeightOptions,
-)
+from texbake.texture.options import DEFAULT_SCALE, HeightToNormalOptions, NormalToHeightOptions
 
 _BAND = 1 << 18  # how many numbers a thread transforms at a time
 

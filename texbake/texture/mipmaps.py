@@ -84,9 +84,7 @@ def single_level(image: npt.NDArray[Any]) -> MipChain:
     image = require_image(image)
     height, width, n_channels = image.shape
     return MipChain(
-        image.reshape(-1, n_channels),
-        np.zeros(1, np.int64),
-        np.array([[height, width]], np.int64),
+        image.reshape(-1, n_channels), np.zeros(1, np.int64), np.array([[height, width]], np.int64)
     )
 
 

@@ -86,11 +86,7 @@ class MeshFileInfo:
     """,
 )
 def info_file(
-    mesh: PathLike,
-    *,
-    uv: bool = False,
-    size: Size | None = None,
-    progress: Progress = None,
+    mesh: PathLike, *, uv: bool = False, size: Size | None = None, progress: Progress = None
 ) -> JobResult[MeshFileInfo]:
     """Print what is in MESH.
 

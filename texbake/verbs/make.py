@@ -133,8 +133,7 @@ class MakeStep(MakeOptions):
         str, Option("Shape of the mesh, as for texbake make.", choices=(*SHAPES, _ORANGE))
     ] = "sphere"
     triangles: Annotated[
-        int,
-        Option("Approximate number of triangles of an orange.", low=20, high=MAX_TRIANGLES),
+        int, Option("Approximate number of triangles of an orange.", low=20, high=MAX_TRIANGLES)
     ] = 100_000
     relief: Annotated[
         str | None,
@@ -145,8 +144,7 @@ class MakeStep(MakeOptions):
         ),
     ] = None
     relief_height: Annotated[
-        float,
-        Option("Height that a value of 1 raises the surface by.", unit="model units"),
+        float, Option("Height that a value of 1 raises the surface by.", unit="model units")
     ] = 0.02
     relief_scale: Annotated[float, Option("Factor of positions for the procedure.")] = 8.0
     format: Annotated[str, FORMAT_OF_MESH] = "ply"

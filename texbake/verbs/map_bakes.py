@@ -73,11 +73,7 @@ SOURCES = (
     ),
     Options(BakeOptions, "vertex_colors", "curvature_scale"),
     NAME_PATTERN,
-    Writes(
-        "hits",
-        "hits",
-        "Also keep the hits, from which texbake remap makes other maps.",
-    ),
+    Writes("hits", "hits", "Also keep the hits, from which texbake remap makes other maps."),
 )
 
 

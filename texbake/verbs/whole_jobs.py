@@ -249,9 +249,7 @@ def demo_files(
         write_mesh(high, high_file)
     result = run(high, output, options.run_options(), progress=progress)
     result = replace(
-        result,
-        files={"high": high_file, **result.files},
-        stages=[*stages.records, *result.stages],
+        result, files={"high": high_file, **result.files}, stages=[*stages.records, *result.stages]
     )
     if html is None:
         return result

@@ -14,10 +14,7 @@ from typing import ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from texbake.baking.adaptive_texels.coverage import (
-    N_CHECK_SAMPLES,
-    check_samples,
-)
+from texbake.baking.adaptive_texels.coverage import N_CHECK_SAMPLES, check_samples
 from texbake.baking.adaptive_texels.texel_error import (
     BoundedMap,
     Refinement,

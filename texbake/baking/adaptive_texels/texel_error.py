@@ -51,11 +51,7 @@ from texbake.mesh.mesh import IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
-from texbake.sampling.report import (
-    ErrorSummary,
-    percent_within,
-    percentiles_of,
-)
+from texbake.sampling.report import ErrorSummary, percent_within, percentiles_of
 
 
 @dataclass(frozen=True)

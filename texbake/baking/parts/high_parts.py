@@ -12,13 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from texbake.baking.parts.matching import (
-    Matching,
-    PartsOptions,
-    base_of,
-    match_names,
-    pair_names,
-)
+from texbake.baking.parts.matching import Matching, PartsOptions, base_of, match_names, pair_names
 from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, join_meshes, used_rows
 from texbake.mesh.materials import Materials, MeshMaterial

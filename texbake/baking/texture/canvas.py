@@ -175,11 +175,7 @@ class TextureCanvas:
     """The texels that a mesh covers, and the values that they get, band by band."""
 
     def __init__(
-        self,
-        mesh: Mesh,
-        options: TextureBakeOptions,
-        n_channels: int,
-        progress: Progress = None,
+        self, mesh: Mesh, options: TextureBakeOptions, n_channels: int, progress: Progress = None
     ) -> None:
         self.stages = Stages(progress)
         self._mesh, self._options = mesh, options

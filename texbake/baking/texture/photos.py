@@ -19,11 +19,7 @@ from texbake.baking.rays import RayField
 from texbake.baking.texels import SampleGrid
 from texbake.baking.texture.canvas import PhotoShare, TextureBake, TextureCanvas
 from texbake.baking.texture.options import PhotoOptions
-from texbake.baking.texture.photo_mappings import (
-    CameraMapping,
-    PhotoLookups,
-    UvMapping,
-)
+from texbake.baking.texture.photo_mappings import CameraMapping, PhotoLookups, UvMapping
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, counted, quoted
 from texbake.files import PathLike, read_bytes

@@ -97,11 +97,7 @@ def _sides(points: FloatArray, faces: IntArray, polygons: IntArray, plane: Mirro
 
 
 def _twin_corners(
-    points: FloatArray,
-    faces: IntArray,
-    polygons: IntArray,
-    plane: MirrorPlane,
-    threads: int | None,
+    points: FloatArray, faces: IntArray, polygons: IntArray, plane: MirrorPlane, threads: int | None
 ) -> tuple[MirrorPlane, Int64Array | None]:
     """Mirror image of each corner, and the plane between vertices and their images."""
     places = weld_rows(points, threads=threads)

@@ -154,10 +154,7 @@ def _with_caps(
     left, bottom = 0.0, top + (_GAP if side.any() else 0.0)
     # The front, at angle 0, is at the bottom of the upper cap and at the top of the lower one, as
     # if both were unfolded from the side.
-    for name, faces, up in (
-        ("caps above", ~side & above, -e1),
-        ("caps below", ~side & ~above, e1),
-    ):
+    for name, faces, up in (("caps above", ~side & above, -e1), ("caps below", ~side & ~above, e1)):
         if faces.any():
             plane = np.stack([e2, up], axis=1) * per_length
             used = plane[mesh.faces[faces]]

@@ -236,10 +236,7 @@ class Box:
             "faces across an edge of the box": int(across.sum()),
             "corners at the center": int((directions == 0.0).all(axis=1)[faces].sum()),
         }
-        return Projected(
-            corners=side_pictures(met, sides, self.half, self.options),
-            tallies=counts,
-        )
+        return Projected(corners=side_pictures(met, sides, self.half, self.options), tallies=counts)
 
     def mapped_by_normals(
         self, points: FloatArray, normals: FloatArray, faces: IntArray

@@ -45,14 +45,8 @@ def planar(mesh: Mesh, options: UnwrapOptions) -> Projected:
         frame = _turned_to_spread(frame, points_about(mesh, center, frame).points, mesh)
     local = points_about(mesh, center, frame)
     away, edge_on = _facing(local, mesh)
-    counts = {
-        "faces seen from behind": int(away.sum()),
-        "faces seen edge-on": int(edge_on.sum()),
-    }
-    return Projected(
-        corners=_placed(local, mesh, away if options.sides else None),
-        tallies=counts,
-    )
+    counts = {"faces seen from behind": int(away.sum()), "faces seen edge-on": int(edge_on.sum())}
+    return Projected(corners=_placed(local, mesh, away if options.sides else None), tallies=counts)
 
 
 def _placed(local: LocalPoints, mesh: Mesh, aside: BoolArray | None) -> FloatArray:

@@ -29,10 +29,7 @@ _BOTH, _HORIZONTAL, _VERTICAL = range(3)  # angles that set the field of view; e
 _FIT_VERTICAL, _FIT_HORIZONTAL, _FILL, _OVERSCAN = range(1, 5)  # the side of the film that stays
 _LIGHT_TYPES = ("point", "directional", "spot")
 # Directions ahead and up in the model.
-_AHEAD = {
-    CAMERA: ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
-    LIGHT: ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
-}
+_AHEAD = {CAMERA: ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), LIGHT: ((0.0, -1.0, 0.0), (0.0, 0.0, -1.0))}
 # Names of the cameras of viewports, which files of version 6 have as well.
 _OF_VIEWPORT = "Producer "
 

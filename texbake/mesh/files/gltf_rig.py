@@ -163,11 +163,7 @@ class _RigReader:
         if (weights := _weights(node, n_morphs)) is not None:
             content["weights"] = weights
         return RigObject(
-            node=place,
-            matrix=matrix,
-            fields=fields,
-            n_morphs=n_morphs,
-            ignores_node="skin" in node,
+            node=place, matrix=matrix, fields=fields, n_morphs=n_morphs, ignores_node="skin" in node
         )
 
     def _mesh(self, index: int) -> tuple[dict[str, Any], int]:

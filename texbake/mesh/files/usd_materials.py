@@ -86,11 +86,7 @@ def materials_of_stage(path: PathLike) -> Materials | None:
         )
     numbers = {name: i for i, name in enumerate(found)}
     of_groups = np.array([numbers[name] for name in paths], dtype=np.int32)
-    return Materials(
-        face_materials=of_groups,
-        materials=materials,
-        **reader.missing.fields(),
-    )
+    return Materials(face_materials=of_groups, materials=materials, **reader.missing.fields())
 
 
 def _bound_material(stage: Any, prim: Any) -> Any:

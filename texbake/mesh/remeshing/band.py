@@ -59,12 +59,7 @@ class Band:
 
     @classmethod
     def around(
-        cls,
-        positions: FloatArray,
-        faces: IntArray,
-        grid: Grid,
-        *,
-        threads: int | None = None,
+        cls, positions: FloatArray, faces: IntArray, grid: Grid, *, threads: int | None = None
     ) -> Band:
         """Measure distances in a grid, in voxels; `MeshError` if that would take very long."""
         shape = grid.shape

@@ -126,10 +126,7 @@ def largest_parts(
 
 
 def _owners(
-    parts: Parts,
-    walls: npt.NDArray[np.intp],
-    solids: npt.NDArray[np.intp],
-    threads: int | None,
+    parts: Parts, walls: npt.NDArray[np.intp], solids: npt.NDArray[np.intp], threads: int | None
 ) -> npt.NDArray[np.intp]:
     """The solid part that each wall is in: the smallest around it. Solids are the largest first."""
     points, faces = parts.points, parts.faces

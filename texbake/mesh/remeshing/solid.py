@@ -157,12 +157,7 @@ class Nets:
 
 
 def nets_of(
-    band: Band,
-    field: Field,
-    labels: Labels,
-    thin: BoolArray,
-    *,
-    threads: int | None = None,
+    band: Band, field: Field, labels: Labels, thin: BoolArray, *, threads: int | None = None
 ) -> Nets:
     """Build the surface around points (n_slots, 512) where a field is not positive."""
     return nets_around(band, field, solid_points(band, field, labels, threads), thin, threads)
@@ -177,11 +172,7 @@ def solid_points(band: Band, field: Field, labels: Labels, threads: int | None) 
 
 
 def nets_around(
-    band: Band,
-    field: Field,
-    solid: BoolArray,
-    thin: BoolArray,
-    threads: int | None,
+    band: Band, field: Field, solid: BoolArray, thin: BoolArray, threads: int | None
 ) -> Nets:
     """Build the surface around solid points, which are filled up to make it manifold."""
     core.compose_well(band.slots, solid, field)

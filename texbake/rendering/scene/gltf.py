@@ -240,10 +240,7 @@ def _cone(document: Document, light: dict[str, Any]) -> dict[str, Any]:
     inner = document.number(spot, "innerConeAngle", 0.0)
     if not 0.0 <= inner < outer <= math.pi / 2 + 1e-6:
         document.fail(f"a cone from {inner:g} to {outer:g} radians is not valid")
-    return {
-        "angle": min(math.degrees(2.0 * outer), _WIDEST),
-        "blend": 1.0 - inner / outer,
-    }
+    return {"angle": min(math.degrees(2.0 * outer), _WIDEST), "blend": 1.0 - inner / outer}
 
 
 def view_of(

@@ -25,12 +25,7 @@ _PARALLEL = 1e-12
 
 # Maps clip coordinates from -w to w to s and t from 0 to q; r and q are the depth.
 _PICTURE_FROM_CLIP = np.array(
-    [
-        [0.5, 0.0, 0.0, 0.5],
-        [0.0, 0.5, 0.0, 0.5],
-        [0.0, 0.0, 0.0, 1.0],
-        [0.0, 0.0, 0.0, 1.0],
-    ]
+    [[0.5, 0.0, 0.0, 0.5], [0.0, 0.5, 0.0, 0.5], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]
 )
 
 

@@ -253,11 +253,7 @@ def camera_of(scene: Scene, options: RenderOptions) -> Camera:
             radius, float(pm.norm(np.subtract(view.position, view.target))) or radius
         )
     return Camera.looking_at(
-        view.position,
-        view.target,
-        up=_up_of(view, options),
-        fov=math.radians(fov),
-        near=near,
+        view.position, view.target, up=_up_of(view, options), fov=math.radians(fov), near=near
     )
 
 

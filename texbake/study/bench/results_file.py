@@ -23,14 +23,7 @@ from texbake.limits import file_beside
 from texbake.mesh.files import write_mesh
 from texbake.progress import Stages
 from texbake.rendering.scene.file.tables import Table, file_schema
-from texbake.rendering.scene.file.values import (
-    Number,
-    Switch,
-    Text,
-    Whole,
-    choice,
-    first_error,
-)
+from texbake.rendering.scene.file.values import Number, Switch, Text, Whole, choice, first_error
 from texbake.schema import JsonSchema
 from texbake.study.bench.cases import made_case
 from texbake.study.bench.map_tasks import Prepared

@@ -129,8 +129,7 @@ def _prepare_interpolation(case: Case) -> Experiment:
     values = [("affine", n) for n in case.choose(_PARTS, _QUICK_PARTS)]
     values += [(name, 1) for name in _EXACT]
     material = Material(
-        shading="unlit",
-        base_color=ImageTexture(image=checker_image(256, 8), filter="trilinear"),
+        shading="unlit", base_color=ImageTexture(image=checker_image(256, 8), filter="trilinear")
     )
     scenes = {
         n: Scene(objects=(SceneObject(mesh=_tile(n), material=material),))

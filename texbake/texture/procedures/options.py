@@ -149,10 +149,7 @@ def parameter_schemas() -> dict[str, Any]:
     """Return the JSON Schema of each parameter; a name has the same meaning in all procedures."""
     names = dict.fromkeys(key for defaults in PROCEDURE_DEFAULTS.values() for key in defaults)
     return {
-        name: {
-            "description": f"Parameter of {_takers(name)}.",
-            **_parameter_schema(name),
-        }
+        name: {"description": f"Parameter of {_takers(name)}.", **_parameter_schema(name)}
         for name in names
     }
 

@@ -63,10 +63,7 @@ class BodyLayout:
 
 
 def flatten_body(
-    points: FloatArray,
-    opposite: IntArray,
-    weights: FloatArray,
-    plane: MirrorPlane | None = None,
+    points: FloatArray, opposite: IntArray, weights: FloatArray, plane: MirrorPlane | None = None
 ) -> BodyLayout | None:
     """Flatten a connected surface as one chart, which may overlap itself; None if impossible.
 

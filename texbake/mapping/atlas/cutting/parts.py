@@ -132,12 +132,7 @@ def connected_parts(opposite: IntArray) -> IntArray:
 
 
 def face_batches(
-    points: FloatArray,
-    corners: IntArray,
-    part: Part,
-    *,
-    part_faces: int,
-    regions: IntArray,
+    points: FloatArray, corners: IntArray, part: Part, *, part_faces: int, regions: IntArray
 ) -> list[IntArray]:
     """Divide faces into ascending batches of one region each, that xatlas cuts one at a time."""
     pieces = connected_parts(part.opposite)

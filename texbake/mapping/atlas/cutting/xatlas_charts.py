@@ -111,9 +111,7 @@ class _Part:
     def of(cls, points: FloatArray, faces: IntArray, face_ids: IntArray) -> _Part:
         used, indices = np.unique(faces[face_ids], return_inverse=True)
         return cls(
-            face_ids=face_ids,
-            points=points[used],
-            faces=indices.reshape(-1, 3).astype(np.int32),
+            face_ids=face_ids, points=points[used], faces=indices.reshape(-1, 3).astype(np.int32)
         )
 
     def request(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]:

@@ -13,12 +13,7 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
-from texbake.mapping.atlas.joining.stitch import (
-    ChartMerge,
-    MergeTolerance,
-    find_merge,
-    relax_merge,
-)
+from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 

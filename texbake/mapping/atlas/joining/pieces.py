@@ -136,11 +136,7 @@ def parts_of(
     local, across = _inner_half_edges(piece, opposite)
     kept = sides[local // 3] == sides[across // 3]
     return connected_pieces(
-        piece.face_ids,
-        piece.points[piece.faces],
-        piece.uvs[piece.faces],
-        local[kept],
-        across[kept],
+        piece.face_ids, piece.points[piece.faces], piece.uvs[piece.faces], local[kept], across[kept]
     )
 
 

@@ -20,12 +20,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.packing.bitmaps import ChartRotations, Outlines, Shapes, shapes_of
-from texbake.mapping.atlas.packing.refine import (
-    RoughLayout,
-    SearchLimits,
-    pair_weights,
-    separate,
-)
+from texbake.mapping.atlas.packing.refine import RoughLayout, SearchLimits, pair_weights, separate
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 

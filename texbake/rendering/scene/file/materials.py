@@ -98,11 +98,7 @@ def _procedure_texture(found: Table) -> ProcedureTexture:
 
 ProcedureTable = table(
     ProcedureTexture,
-    {
-        "procedure": choice(PROCEDURE_NAMES),
-        "scale": numbers(3, or_one=True),
-        "factor": Factor,
-    },
+    {"procedure": choice(PROCEDURE_NAMES), "scale": numbers(3, or_one=True), "factor": Factor},
     without=("parameters",),
     takes_more=True,
 )

@@ -129,11 +129,7 @@ def _room_or_file(value: Any, info: ValidationInfo) -> Any:
 
 _SIX_FILES = {"type": "array", "items": FILE, "minItems": 6, "maxItems": 6}
 EnvironmentTable = table(
-    Environment,
-    {
-        "image": value_type(_room_or_file, FILE),
-        "faces": value_type(_faces, _SIX_FILES),
-    },
+    Environment, {"image": value_type(_room_or_file, FILE), "faces": value_type(_faces, _SIX_FILES)}
 )
 AmbientTable = table(Ambient)
 FogTable = table(Fog)
@@ -190,12 +186,7 @@ CameraTable = table(
     CameraView,
     name="Camera",
     without=("angles",),
-    more={
-        "view": described(
-            value_type(_angles, _ANGLES),
-            option_of(RenderOptions, "view").help,
-        )
-    },
+    more={"view": described(value_type(_angles, _ANGLES), option_of(RenderOptions, "view").help)},
 )
 _BACKGROUND = {"anyOf": [{"const": "transparent"}, *COLOR["anyOf"]]}
 RenderTable = table(

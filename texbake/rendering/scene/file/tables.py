@@ -46,11 +46,7 @@ from texbake.rendering.scene.file.values import (
 from texbake.schema import JsonSchema, OptionField, option_fields
 
 # Types of keys by name, for fields whose own type is not specific enough.
-_BY_NAME: dict[str, Any] = {
-    "color": Color,
-    "ground": Color,
-    "colors": Colors,
-}
+_BY_NAME: dict[str, Any] = {"color": Color, "ground": Color, "colors": Colors}
 _BY_KIND: dict[Any, Any] = {float: Number, int: Whole, bool: Switch, str: Text}
 # Types of keys by all types that a field can have, such as those of a slot.
 _BY_KINDS: dict[tuple[Any, ...], Any] = {}
