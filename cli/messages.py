@@ -33,9 +33,7 @@ _FALSE, _QUOTES = "False", "\"'"
 
 
 def with_flags(message: str, command: click.Command | None = None, *, opening: bool = True) -> str:
-    """Replace the library's parameters in a message by the flags of a command.
-
-    Without `opening` the first word stays, even if it is the name of a parameter.
+    """Replace the library's parameters in a message by flags, but the first word without `opening`.
 
     >>> bake = click.Command("bake", params=[click.Option(["--max-error"])])
     >>> with_flags("max_error: 'x' is no error; give `max_error=0.01%` or `samples`", bake)
@@ -75,9 +73,7 @@ _UNSAFE = re.compile(
 
 
 def printable(text: str) -> str:
-    r"""Return text with control characters as escapes: it moves no cursor and sets no color.
-
-    The folder of files that stand for standard streams is left out.
+    r"""Return text with control characters as escapes, without the folder of standard streams.
 
     >>> print(printable("red\x1b[31m"))
     red\x1b[31m

@@ -88,11 +88,9 @@ class ShownProgress:
 
 
 class JsonLines(ShownProgress):
-    """Progress as JSON, one object per line, for other programs.
+    """Progress as JSON, one object per line, for other programs, at most ten per second.
 
-    Every object has `event` (`started`, `advanced` or `finished`), `stage`, `done`, `total` (null
-    if the amount of work is unknown), `unit` and `seconds` since the stage began. `advanced` is
-    printed at most ten times per second; `finished` has the last count.
+    `event` is `started`, `advanced` or `finished`; `total` is null if the amount is unknown.
     """
 
     INTERVAL = 0.1  # seconds

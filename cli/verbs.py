@@ -155,11 +155,7 @@ def _output(verb: Verb, part: Writes) -> Decorator[Any]:
 
 
 class SectionedCommand(click.Command):
-    """A command whose help shows examples first, then the options under headings.
-
-    With sections, `--help` describes the options without a section and the `common` ones, and names
-    the others; `--help-all` describes all of them.
-    """
+    """A command whose help shows examples first, then options by section, all in `--help-all`."""
 
     def __init__(
         self, *args: Any, sections: Mapping[str, Sequence[str]], common: Sequence[str], **extra: Any

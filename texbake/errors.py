@@ -30,8 +30,6 @@ _MOST_QUOTED = 60  # characters of a value that a message shows
 def quoted(value: object) -> str:
     """Return a value as Python writes it, shortened in its middle, for a message.
 
-    Files hold names and values of any length.
-
     >>> quoted("wood"), len(quoted("wood" * 1000))
     ("'wood'", 60)
     """
@@ -55,8 +53,6 @@ def shortened(text: str, most: int = _MOST_QUOTED) -> str:
 
 def first_few(items: Iterable[str], most: int = 20) -> tuple[str, ...]:
     """Return each of some lines or names once, and of very many the first, and how many are left.
-
-    A file can have a million images that are missing.
 
     >>> first_few(["a.png", "b.png", "a.png", "c.png"], most=1)
     ('a.png', 'and 2 more like these')

@@ -25,11 +25,7 @@ Content = TypeVar("Content", bound=Sized)
 
 
 class _Waiting:
-    """What waits for the end of a block of files that appear together.
-
-    `files` has finished temporary files by their targets, None for a target that is to be removed;
-    `folders` has those that were made for them.
-    """
+    """Finished temporary files by their targets, None for one to remove; folders made for them."""
 
     def __init__(self) -> None:
         self.files: dict[Path, Path | None] = {}
@@ -104,14 +100,10 @@ def read_whole(path: PathLike, read: Callable[[Path], Content]) -> Content:
 
 @contextmanager
 def replacing(path: PathLike) -> Iterator[Path]:
-    """Yield a temporary path next to `path`; move the file to `path` if the block succeeds.
+    """Yield a temporary path next to `path`, of its suffix; move the file if the block succeeds.
 
-    If the block raises or is interrupted, the temporary file is removed and an existing file at
-    `path` is left unchanged. The temporary path has the suffix of `path`, because many writers
-    choose the format by it. If `path` is a symbolic link, the file it points to is replaced.
-
-    Within `appearing_together` the file is moved when that block ends; until then it is found at
-    `written_file(path)`.
+    If the block raises, `path` is unchanged; a link stays one. Within `appearing_together` the file
+    is found at `written_file(path)` until that block ends.
     """
     target = _target_of(path)
     waiting = _WAITING.get()
@@ -148,10 +140,7 @@ def _unwritable(path: PathLike, error: OSError, state: str) -> FileError:
 def appearing_together() -> Iterator[None]:
     """Let the files that a block writes appear when it ends, all of them, or none if it raises.
 
-    An asset whose bake is interrupted keeps all of its older files, instead of a mix of older and
-    newer ones. Each file waits under a temporary name in its own folder. Folders that were made for
-    them are removed if the block raises. A block within another one belongs to it. Also a decorator
-    of functions.
+    A block within another one belongs to it. Also a decorator of functions.
     """
     if _WAITING.get() is not None:
         yield

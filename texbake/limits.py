@@ -60,8 +60,6 @@ def raised_limits(
 def whole_number(text: str) -> int | None:
     """Return the number that a text is; None if it is none, or has more than 18 digits.
 
-    Python raises an error of its own for thousands of digits.
-
     >>> whole_number("16384"), whole_number("-1"), whole_number("9" * 5000)
     (16384, None, None)
     """

@@ -38,11 +38,7 @@ def scratch_prefix(folder: Path) -> str:
 
 
 def clear_once(folder: Path) -> None:
-    """Remove what processes of this machine that have ended left in a folder.
-
-    What is left from before the machine was started, or by another machine, stays: nobody can tell
-    whether its process has ended.
-    """
+    """Remove what processes of this machine that have ended since its start left in a folder."""
     if folder not in _LOOKED_THROUGH:
         _LOOKED_THROUGH.add(folder)
         if _machine() != _NOWHERE:

@@ -101,11 +101,7 @@ def _look_up(
 
 
 class RayField:
-    """The rays of a low-poly mesh: everything needed to turn samples into rays.
-
-    `kind`: `smooth`, `vertex` or `face`; where that direction is zero, the normal of the face is
-    used; `front`, `back`: in model units.
-    """
+    """The rays of a low-poly mesh; `front` and `back` are in model units."""
 
     def __init__(
         self,
@@ -232,12 +228,10 @@ _MOST_BEHIND = 0.5
 
 
 def checked_cage(cage: Mesh, low: Mesh) -> Mesh:
-    """Return a cage with the triangles of the low-poly mesh.
+    """Return a cage with the triangles of the low-poly mesh, whose polygons it must have.
 
-    Raise `CageError` unless it is the low-poly mesh with its vertices moved outward. The polygons
-    must be the same, in the same order, but can be cut along other diagonals. At most a quarter of
-    the area may face against the low-poly mesh, as it does where vertices are in another order, and
-    at most half of the area may lie behind it.
+    Raises `CageError` if over a quarter of its area faces against `low`, or over half lies behind
+    it.
     """
     if np.array_equal(_polygons(cage), _polygons(low)):
         cage = Mesh(positions=cage.positions, faces=low.faces, name=cage.name)

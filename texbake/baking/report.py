@@ -252,10 +252,7 @@ def library_versions() -> dict[str, str]:
 
 
 def _version_of(name: str) -> str:
-    """Version of an installed package, from the name of the folder with its metadata if it can be.
-
-    To import `importlib.metadata` takes longer than a small bake.
-    """
+    """Version of a package by the name of its folder, because `importlib.metadata` is slow."""
     for folder in sys.path:
         for metadata in Path(folder).glob(f"{name}-*.dist-info"):
             return metadata.stem.removeprefix(f"{name}-")

@@ -71,9 +71,7 @@ class RayExtent:
 class BakeScenes:
     """What the rays of a bake are cast into, all in one frame, and what is measured with it.
 
-    `low`: the low-poly mesh, whatever part of its texture is baked; `n_points`: points of it at
-    which distances are measured; `occluders`: what secondary rays hit, if that is not just the
-    high-poly mesh.
+    `n_points`: points at which distances are measured; `occluders`: what secondary rays hit.
     """
 
     def __init__(

@@ -165,12 +165,7 @@ class ChartPadding:
         *,
         hides_misses: bool = False,
     ) -> Float32Array:
-        """Pad and fill a map (H, W, C), in place where possible, and return it.
-
-        With `hides_misses`, texels without a hit are filled smoothly from those around them.
-        `combine` is that of its `MapKind`: filled unit vectors keep their length, and values that
-        cannot be averaged are not filled.
-        """
+        """Pad and fill a map (H, W, C), in place where possible; misses if `hides_misses`."""
         threads = self._options.threads
         texels = values.reshape(-1, values.shape[2])
         nothing = np.array(neutral, np.float32)
@@ -209,11 +204,7 @@ def denoised(
     has_data: BoolArray,
     options: BakeOptions,
 ) -> Float32Array:
-    """Average each texel with neighbors that differ by less than a few standard errors of its rays.
-
-    `values` (H, W, 1) float32; `texel_charts` (H, W) int32: neighbors in other charts do not count.
-    Returns (H, W, 1) float32. Kernel: `core/sigma_filter.c`.
-    """
+    """Average texels (H, W, 1) with similar neighbors in their chart; `core/sigma_filter.c`."""
     root = np.sqrt(float(options.secondary_rays))
     left = _STANDARD_ERRORS / (root * np.sqrt(root))
     of_shares, relative = (left * noise for noise in kind.noise)

@@ -123,11 +123,9 @@ def snap_uvs(mesh: Mesh, grid: SampleGrid) -> SnappedFaces:
 def rasterize_uv(
     faces: SnappedFaces, grid: SampleGrid, rows: range | None = None, *, threads: int | None = None
 ) -> tuple[IntArray, int]:
-    """Find the owner of every sample in some rows of texels: the first face that covers its center.
+    """Find the first face that covers each sample in some rows of texels, or `NO_FACE`.
 
-    `rows`: rows of texels, all of them for None. Returns `owners` (len(rows) * per_side, width *
-    per_side) int32: face ids, `NO_FACE` for none; `n_overlaps`: samples that more than one face
-    covers.
+    Returns `owners` (len(rows) * per_side, width * per_side) int32, and the number of overlaps.
     """
     rows = range(grid.height) if rows is None else rows
     first = rows.start * grid.per_side

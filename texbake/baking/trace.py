@@ -30,10 +30,9 @@ from texbake.records import dataclass
 class TraceCounts:
     """Figures of a trace, counted while it runs.
 
-    `rays_to_closest` of the `rays_missed` took the closest point of the high-poly mesh instead.
-    `rays_lengthened` found nothing as far as their vertices reach, and something further away.
-    `faces_limited` need longer rays somewhere than `max_reach` allows.
-    `islands_sharing` are stacked islands for which another one was baked.
+    `rays_to_closest` of the `rays_missed` took the closest point instead; `rays_lengthened` hit
+    only beyond the reach of their vertices; `faces_limited` met `max_reach`; `islands_sharing` are
+    stacked.
     """
 
     samples_covered: int = 0
@@ -314,14 +313,7 @@ class Trace:
     def _cast_again(
         self, samples: Samples, grid: SampleGrid, hits: Hits, threads: int | None
     ) -> tuple[int, int, int]:
-        """Cast the rays of samples, and where these miss, the longest rays.
-
-        A ray that met a surface from behind may have started inside of a part that stands out; it
-        keeps its hit where the longest ray passes a back face as well.
-
-        Returns the numbers of rays that missed, that passed back faces, and whose hits are those of
-        the longest rays.
-        """
+        """Cast rays, and the longest where these miss or start inside; count all three."""
         first_hits = self._cast(self._field, samples, grid, hits, threads)
         missed, passed = first_hits.faces == NO_HIT, first_hits.passed_back
         rows = np.flatnonzero(missed | passed)

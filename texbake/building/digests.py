@@ -199,12 +199,7 @@ def sidecars(path: Path) -> list[Path]:
 
 
 def is_followed(path: str, name: str) -> bool:
-    """Whether a build reads the file that another one names, by their paths or URLs.
-
-    Readers of meshes follow no name out of the folder of a file, unless that is allowed. A build
-    must not either: the name could be that of a secret, and of another machine behind a URL, which
-    is never asked.
-    """
+    """Whether a build reads the file that another one names, by the rules that readers follow."""
     if not is_url(path):
         return allows_outside() or is_within(Path(path).parent, name)
     place, named = (

@@ -31,10 +31,7 @@ _OPENING, _CLOSING = ("[", "{"), ("]", "}")
 
 
 def line_of(text: str, place: str) -> int | None:
-    r"""Return the line, from 1, of a key of a valid TOML text, by its place as in messages.
-
-    That of the nearest place around it, if the key is not in the text; None if nothing around it
-    is. All keys of a table or list that spans several lines are at its first line.
+    r"""Return the line, from 1, of a key of a valid TOML text, or of the nearest place around it.
 
     >>> text = 'name = "x"\n[[assets]]\nsize.high = 3\n'
     >>> line_of(text, "assets[0].size.high"), line_of(text, "assets[0].size.low")

@@ -218,11 +218,7 @@ def stored_files(manifest: Manifest) -> dict[str, list[StoredFile]]:
 
 
 def _require_plain_names(manifest: Manifest, path: str) -> None:
-    """Raise `DamagedError` if a manifest names files outside its folder.
-
-    A store may be shared, and anybody who writes to it can make a checksum that fits. Whatever else
-    it may hold raises a `ValueError`, `KeyError`, `AttributeError` or `TypeError`.
-    """
+    """Raise `DamagedError` if a manifest, which others may have written, names files elsewhere."""
     files = [file for found in stored_files(manifest).values() for file in found]
     names = [listed["file"] for listed in manifest["outputs"].values()]
     if not all(map(_is_plain, (*names, *(file.name for file in files)))):

@@ -149,13 +149,7 @@ class MeshPair:
         return float(areas[self.lie_against(step)].sum()) > 0.5 * float(areas.sum())
 
     def lie_against(self, step: int) -> BoolArray:
-        """(n,) bool: low-poly faces closer to a surface that faces against them than to another.
-
-        The center of a face can be nearer to the other side of a thin wall, such as that of a leaf
-        or of clothing, and its corners are not. So the distances of all four points count. Where
-        all are far, the closest surface decides. One of every `step` faces of `from_low` is
-        measured.
-        """
+        """(n,) bool: faces, one of every `step`, closer to a surface that faces against them."""
         faces = self.from_low.faces[::step]
         corners = self.frame.to_local(self.low.mesh.positions)[self.low.mesh.faces[faces]]
         points = np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1)

@@ -166,11 +166,7 @@ def remove_others(libraries: list[Path]) -> None:
 
 
 def _tuning(compiler: list[str], level: str) -> list[str]:
-    """Options for the instructions of a level.
-
-    Without fused multiply-adds even where the processor has them: GCC 12 makes some of them from
-    pairs of products in spite of `-ffp-contract=off`.
-    """
+    """Options for a level; without FMA, as GCC 12 fuses in spite of `-ffp-contract=off`."""
     if level == "arm64":
         return []
     tuned = f"-mcpu={level.replace('-', '_')}" if "ziglang" in compiler else f"-march={level}"

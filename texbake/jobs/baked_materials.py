@@ -229,10 +229,7 @@ def _differ(one: MeshMaterial, other: MeshMaterial, name: str) -> bool:
 
 
 def _with_variants(parts: Sequence[Materials], names: Sequence[str]) -> Materials:
-    """Return materials of faces that have the first of some materials, and the others in variants.
-
-    The parts have the same faces.
-    """
+    """Return the first of some materials of the same faces, with the others as variants."""
     if not names:
         return parts[0]
     starts = np.cumsum([0, *(len(part.materials) for part in parts)])

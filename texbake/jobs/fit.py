@@ -57,9 +57,8 @@ def diagnose_misses(
 ) -> tuple[str, ...]:
     """Say why rays of a bake missed, in the words of `check`; nothing if hardly any did.
 
-    Parts of the high-poly mesh that face inwards are flipped, as they were for the bake. The
-    low-poly mesh is not flipped: the maps would fit another mesh than the one in its file, with
-    other normals and mirrored charts, and a bake writes no meshes.
+    Parts of the high-poly mesh that face inwards are flipped, as for the bake; the low-poly mesh is
+    not.
     """
     if isinstance(high, StreamedMesh) or report.miss_percent <= _FEW_MISSED:
         return ()

@@ -34,11 +34,7 @@ def unwrap_to_fit(
     threads: int | None = None,
     progress: Progress = None,
 ) -> tuple[Mesh, UnwrapReport, tuple[str, ...]]:
-    """Unwrap a mesh so that at most a hundredth of its area owns no texel, and note what it took.
-
-    Without a padding of its own, charts come closer; if it `may_grow`, the texture gets larger.
-    Raises `UvError` with the size that does where neither is allowed or enough.
-    """
+    """Unwrap a mesh so that 99 % of its area owns texels, or raise `UvError`; note what it took."""
     padding, asked = options.padding, (options.width_px, options.height_px)
     charted: Mesh | None = None
     failure: UnwrapError | None = None

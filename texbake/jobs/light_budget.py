@@ -310,10 +310,7 @@ class Budget:
             coded_pictures(predicted, complete, threads=threads)
 
     def _table(self, picture: Picture, n_bytes: int) -> list[_Coding]:
-        """Codings of a picture that may fit: exact at small sides, and predicted at larger ones.
-
-        Predictions are better than what comes, so that none that would be chosen is missed.
-        """
+        """Codings of a picture that may fit, measured at small sides, predicted at larger ones."""
         found: list[_Coding] = []
         before: dict[int, list[_Coding]] = {quality: [] for quality in _QUALITIES}
         for number, side in enumerate(self._sides(picture)):

@@ -148,11 +148,7 @@ def encoded_channels(
     whole: Iterable[str] = (),
     layouts: Sequence[ImageLayout] = LAYOUTS,
 ) -> dict[str, ChannelSource]:
-    """Channels for a mesh from baked maps; `whole` images also hold constant channels.
-
-    `encode` makes the file of an image, from its name without a suffix, its codes and whether they
-    are colors; by default, a PNG file.
-    """
+    """Channels for a mesh from baked maps, as PNG or as `encode` does; `whole` keeps constants."""
     sources: dict[str, ChannelSource] = {}
     for channel in _set_channels(materials):
         constant = constant_source(materials, channel)
@@ -258,12 +254,7 @@ def shared_materials(
     *,
     threads: int | None = None,
 ) -> Materials:
-    """Return materials of a mesh that share one set of images.
-
-    One material is enough unless the source is opaque in one place and not in another, or transmits
-    light, or is double-sided, or unlit, or has extensions that are not baked: a renderer asks that
-    of a material as a whole. A face then has the material of the nearest point of the source.
-    """
+    """Return materials that share images, several where a renderer would treat them differently."""
     kinds = materials.materials
     used = np.unique(materials.face_materials).tolist()
     distinct = list(dict.fromkeys(_as_key(kinds[i]) for i in used))

@@ -74,12 +74,7 @@ class MatchedParts(JobResult[Matching]):
 def needs_parts(
     high: Sequence[PathLike], low: Sequence[PathLike], parts: PartsOptions, *, pair: bool = True
 ) -> bool:
-    """Whether `bake_parts_files` has to bake these meshes, and not `bake_files`.
-
-    It has to if there are several meshes on a side, if names are matched or the names of objects
-    pair up, or if there are several sets of maps; one high-poly and one low-poly mesh onto one set
-    of maps are for `bake_files`. With `pair` False, so are objects whose names pair up.
-    """
+    """Whether meshes need `bake_parts_files`: several per side, matched names, or several sets."""
     several = len(high) != 1 or len(low) != 1 or parts.texture_sets != "none"
     if several or parts.match_by_name or parts.occluders != PartsOptions.occluders:
         return True

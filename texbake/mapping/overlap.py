@@ -58,12 +58,7 @@ class _Packed(NamedTuple):
 
 
 def find_overlaps(corners: FloatArray, *, threads: int | None = None) -> Overlaps:
-    """Find the faces that cover a part of the texture that another face covers too.
-
-    The test compares the triangles themselves, not texels. Overlaps less deep than a millionth of
-    the texture are rounding and do not count, nor do those of faces thinner than that.
-
-    `corners` (F, 3, 2) float64.
+    """Find faces of corners (F, 3, 2) that overlap others by more than 1e-6 of the texture.
 
     >>> square = np.array([[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 1]]], dtype=float)
     >>> find_overlaps(square - [[[0, 0]], [[0, 0.1]]]).overlapping

@@ -67,10 +67,7 @@ def _seams(mesh: Mesh, edges: Int64Array, kept: BoolArray) -> BoolArray:
 def seam_length(
     mesh: Mesh, faces: BoolArray | None = None, weights: FloatArray | None = None
 ) -> float:
-    """Total length of the seams of `faces` (F,), or all, in model units, each counted once.
-
-    `weights` (F, 3): what the unit of length along each edge counts.
-    """
+    """Length of the seams of `faces`, each counted once, in model units by `weights` (F, 3)."""
     return _length(mesh, seam_edges(mesh, faces), weights)
 
 
@@ -120,12 +117,10 @@ def merged_labels(n_items: int, firsts: IntArray, seconds: IntArray) -> IntArray
 def regions_between(
     mesh: Mesh, *, hard_edges: bool, angle: float | None, regions: IntArray | None = None
 ) -> tuple[IntArray | None, int]:
-    """Divide a surface at its hard edges.
+    """Divide `regions` (F,) at hard normals, and where faces meet at more than `angle` degrees.
 
-    `hard_edges`: divide where the normals of the mesh differ by more than a degree at either end of
-    an edge; `angle`: divide also where faces meet at more than this angle, in degrees; `regions`
-    (F,) int32: regions that are divided further. Returns `regions` (F,) int32: those given, if
-    there is nothing to divide at; `n_within`: hard edges that end within a region.
+    Returns the regions, as they are if nothing divides them, and the hard edges that end within
+    one.
     """
     if angle is None and not (hard_edges and mesh.normals is not None):
         return regions, 0

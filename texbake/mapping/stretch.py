@@ -29,10 +29,9 @@ from texbake.records import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Stretch of a mesh or of one chart; means are weighted by area in space.
+    """Stretch of a mesh or of one chart, weighted by area in space; mirrored faces are infinite.
 
-    With σ1 ≥ σ2 the singular values of the map from surface to texture and Γ = 1/σ2, γ = 1/σ1
-    those of the map back. Mirrored faces count as infinite in the first three.
+    With σ1 ≥ σ2 the singular values of the map from surface to texture, Γ = 1/σ2 and γ = 1/σ1.
     """
 
     l2: float  # √ of the mean of (Γ² + γ²) / 2; 1 at best, for the mesh as a whole

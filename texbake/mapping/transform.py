@@ -73,10 +73,7 @@ def warp_uvs(coordinates: FloatArray, warp: str | tuple[str, float] | WarpFuncti
 
 
 def twirl(coordinates: FloatArray, degrees: float) -> FloatArray:
-    """Rotate points about the center of the texture, by `degrees` there and by 0 at radius 1/2.
-
-    The angle falls off as (1 - (r / R)²)², so that the map and its first derivative are continuous.
-    """
+    """Rotate points by degrees (1 - (r / R)²)² about the texture's center, R = 1/2."""
     about = coordinates - _MIDDLE
     angles = np.radians(degrees) * _weights(about)
     cos, sin = pm.cos(angles), pm.sin(angles)

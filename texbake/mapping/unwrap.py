@@ -180,10 +180,7 @@ def _unwrapped(
     stages: Stages,
     threads: int | None,
 ) -> list[tuple[Mesh, Projected]]:
-    """Choose the faces to map, map them, and store their coordinates in the meshes.
-
-    `marks`: for each name of `_MARKS` what the user gives for each mesh, or None.
-    """
+    """Map the chosen faces of meshes; `marks` has what the user gives, by the names of `_MARKS`."""
     if len(meshes) == 0:
         raise OptionError("meshes: there are none to unwrap")
     for mesh in meshes:

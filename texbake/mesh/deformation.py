@@ -58,16 +58,8 @@ class Morph:
 class Deformation:
     """What moves the vertices of a mesh.
 
-    Attributes
-    ----------
-    joints : (V, K) int32
-        Nodes that move each vertex.
-    weights : (V, K) float64
-        Share of each node: they sum to 1, or are all 0 for a vertex that no node moves.
-    morphs : tuple of Morph
-        Morph targets, numbered as in each object of the mesh.
-    poses : (P, V, 3) float64
-        Positions in further poses, in which a simplified mesh should look right as well.
+    `joints`, `weights` (V, K): nodes, and their shares of sum 1 or all 0; `morphs`: numbered as in
+    each object; `poses` (P, V, 3): further ones in which a simplified mesh should look right.
     """
 
     joints: _Ints
@@ -129,10 +121,7 @@ class Deformation:
 
 
 def largest_weights(joints: _Ints, weights: _Floats, width: int) -> tuple[_Ints, _Floats]:
-    """(n, width) joints of (n, m), each once, with the largest weights, scaled to the sum 1.
-
-    Where no weight is above 0, all joints and weights are 0.
-    """
+    """(n, width) joints of (n, m), each once, with the largest weights, of sum 1 or all 0."""
     n = len(joints)
     order = np.argsort(joints, axis=1, kind="stable")
     joints = np.take_along_axis(joints, order, axis=1)

@@ -41,10 +41,8 @@ _STEPS_2D = (0.7548776662466927, 0.5698402909980532)
 class OneSidedDistance:
     """From the points of one surface to the closest points of another, in model units.
 
-    `mean` and `rms` (root mean square) are over samples of equal area, `max` over those, the
-    vertices, and points on edges of the faces that are farthest; `p99` is what 99 % of the samples
-    lie within. `n_samples` are those that were taken, and `n_left_out` those that were not, because
-    each would have taken too long. `rms` has an error of at most `rms_error` in 19 of 20 cases.
+    `mean`, `rms` and `p99` are over samples of equal area, `max` also over vertices and edges.
+    `n_left_out` would each have taken too long. `rms` is within `rms_error` in 19 of 20 cases.
     """
 
     max: float

@@ -42,11 +42,9 @@ class GroupInfo:
 
 @dataclass(frozen=True, kw_only=True)
 class MeshInfo:
-    """Counts and measures of a mesh, all plain Python values.
+    """Counts and measures of a mesh, all plain Python values, of faces as polygons.
 
-    For components, edges, duplicate faces and derived figures, vertices of one object at exactly
-    the same position count as one, because formats such as STL and glTF split vertices.
-    `n_split_vertices` is the number of split vertices. Counts of faces are those of polygons.
+    Except for `n_split_vertices`, vertices of one object at one position count as one.
     """
 
     name: str

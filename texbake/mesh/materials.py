@@ -290,10 +290,7 @@ class MissingParts:
 
 
 def materials_by_face(mesh: Mesh, of_groups: Sequence[Any]) -> tuple[list[Any], IntArray] | None:
-    """Distinct materials of the groups of a mesh, in order, and (F,) the number of each face's.
-
-    None where the mesh has other groups.
-    """
+    """Distinct materials of groups, in order, and (F,) numbers; None if the groups are others."""
     if mesh.face_groups is None or len(of_groups) != len(mesh.group_names):
         return None
     numbers = {item: number for number, item in enumerate(dict.fromkeys(of_groups))}

@@ -103,11 +103,7 @@ _STEPS = 100  # by which normals leave the backs of faces
 
 
 def with_visible_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
-    """Return a mesh whose shading normals point to the front of all of their faces, if possible.
-
-    An angle-weighted normal can point to the back of a small face that is much steeper than those
-    around it. Such a normal turns until all of its faces see it.
-    """
+    """Return a mesh whose shading normals see the front of all of their faces, if possible."""
     normals, rows = shading_normals(mesh, threads=threads)
     sides, margin = face_normals(mesh, threads=threads), pm.sin(NORMAL_ROUNDING)
     turned = pm.vecdot(normals[rows], sides[:, np.newaxis]) < -margin

@@ -39,10 +39,7 @@ class EnlargedParts:
 
     @classmethod
     def of(cls, mesh: Mesh, *, threads: int | None = None) -> EnlargedParts:
-        """Enlarge the small parts of a mesh, unless something bends it.
-
-        A part is what hangs together of an object.
-        """
+        """Enlarge the small connected parts of objects of a mesh, unless something bends it."""
         low, high = mesh.bounds
         center = (low + high) / 2.0
         steps = _steps(mesh, weld_vertices(mesh, threads=threads))

@@ -41,9 +41,7 @@ def triangulated(
 ) -> tuple[Int64Array, Int64Array]:
     """Cut polygons into triangles: corners (F, 3) and the polygon (F,) of each; warn of bad ones.
 
-    The triangles of a simple polygon do not overlap in its projection and fill it. Straight corners
-    stay corners of triangles with area where the polygon allows that. Those of a polygon that
-    crosses itself overlap or fold.
+    Those of a simple polygon fill it without overlap; straight corners stay where they can.
     """
     sizes = sizes.astype(np.int64)
     if (sizes == 3).all():

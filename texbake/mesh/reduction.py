@@ -91,10 +91,8 @@ def reduced(
 ) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
-    If it `gives_up`, seams, parts and more may go where the count needs that. If it `shades`,
-    changes of the mesh's own normals count as well, and normals that are left stay as they are.
-    Vertices then keep their places, which makes pictures closer, and no part is dropped, which
-    would leave a hole in them.
+    If it `gives_up`, seams and parts may go. If it `shades`, changes of normals count, vertices
+    keep their places and no part is dropped.
     """
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
@@ -163,11 +161,7 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
 def _fast(
     mesh: Mesh, attempts: Iterator[_Attempt], n_faces: int, threads: int | None, *, gives_up: bool
 ) -> Reduction:
-    """The first attempt that reaches the count and lies about as close as any that does.
-
-    What gives up nothing is taken at once. Else measuring decides, because none of the sacrifices
-    is always the lesser one: of a mesh of many parts, dropping parts can leave next to nothing.
-    """
+    """The first attempt that reaches the count and, by measure, lies about as close as any."""
     results: list[Reduction] = []
     for stream, reduce, method, notes in attempts:
         low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
@@ -248,10 +242,7 @@ def _attempts(
     drops: bool,
     gives_up: bool,
 ) -> Iterator[_Attempt]:
-    """Yield attempts to reach the count, each giving up more than the one before.
-
-    With `gives_up` false, nothing is given up; with `drops` false, all parts stay.
-    """
+    """Yield attempts to reach the count, each giving up more than the one before, if it may."""
     notes: tuple[str, ...] = ()
     while True:
         if stream.has_bad_edges:

@@ -161,10 +161,7 @@ class RepeatedParts:
         return replace(self, copies=tuple(e for e in self.copies if counts[e.numbers].any()))
 
     def one_each(self, low: Mesh) -> Mesh:
-        """Return a simplified mesh with one part of each kind, at the place of the first.
-
-        It has the most triangles that one of them has, up to the mean of those that have any.
-        """
+        """Return a simplified mesh with one part of each kind, placed as the first."""
         counts = np.bincount(_groups(low), minlength=len(self.nodes))
         pieces = []
         for each in self.left_in(low).copies:
@@ -250,10 +247,7 @@ class _Parts:
         return cls(mesh, looks, faces, centers, sizes, arms.reshape(*faces.shape, 3, 3))
 
     def kinds(self) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
-        """Return the numbers of parts that are copies of one another, with their matrices.
-
-        The largest comes first, and is that which the others are compared with.
-        """
+        """Return numbers of parts that are copies of one another, largest first, with matrices."""
         keys, slack = self._keys()
         order = np.argsort(keys, axis=0, kind="stable")
         listed = np.take_along_axis(keys, order, axis=0)
@@ -309,10 +303,7 @@ class _Parts:
     def _copies(
         self, first: int, near: npt.NDArray[np.intp], step: int
     ) -> tuple[npt.NDArray[np.intp], FloatArray]:
-        """Return those of some parts that are copies of a part, and (n, 4, 4) their matrices.
-
-        `step` is -1 for the corners of each face in reverse.
-        """
+        """Return parts that are copies of a part, mirrored for `step` -1, and (n, 4, 4) motions."""
 
         def of_both(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
             return rows[self.faces[first]], rows[self.faces[near]][:, :, ::step]

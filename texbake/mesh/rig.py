@@ -37,11 +37,7 @@ class RigObject:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rig:
-    """The nodes of a file and what refers to them.
-
-    `content` has glTF's lists `nodes` (without meshes), `scenes`, `skins`, `animations` and
-    `cameras`, and the extension of lights. Its accessors are numbers of `arrays`.
-    """
+    """Nodes of a file and what refers to them, as in glTF; accessors are numbers of `arrays`."""
 
     content: Mapping[str, Any]
     arrays: Mapping[int, npt.NDArray[np.float32]] = field(default_factory=dict)  # each (n, width)

@@ -69,11 +69,7 @@ def grid_sphere(
 
 
 def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) -> Mesh:
-    """Closed sphere of latitude bands with a vertex at either pole and texture coordinates.
-
-    u is φ / 2π, 1 on the far side of the seam, and v is 1 - θ / π. Each triangle at a pole has a
-    texture coordinate of its own there, midway between the u of its other two corners.
-    """
+    """Closed sphere of latitude bands with a vertex at either pole; u = φ / 2π, v = 1 - θ / π."""
     n_rows = n_lat - 1  # rings of vertices between the poles
     theta = np.linspace(0.0, np.pi, n_lat + 1)[1:-1]
     phi = np.linspace(0.0, 2.0 * np.pi, n_lon, endpoint=False)

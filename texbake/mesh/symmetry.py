@@ -63,10 +63,7 @@ def find_mirror_plane(
     tolerance: float = MIRROR_TOLERANCE,
     threads: int | None = None,
 ) -> MirrorPlane | None:
-    """Find the plane that mirrors a surface onto itself; None if there is none.
-
-    `points` (V, 3) float64, about the origin, of about unit size; `faces` (F, 3) int32.
-    """
+    """Find the plane that mirrors a surface of about unit size onto itself, if any."""
     n_most = max(n for n, _, _ in _ROUNDS)
     samples = sample_points(points, faces, n_most, threads=threads)
     diagonal = float(pm.norm(np.ptp(points[faces].reshape(-1, 3), axis=0)))

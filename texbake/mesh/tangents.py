@@ -43,12 +43,7 @@ _PARALLEL = 1.0 - 1e-6
 
 
 def image_axes(linear: npt.NDArray[np.floating[Any]]) -> Float32Array:
-    """Directions of the axes of a normal map whose texture coordinates are transformed.
-
-    Tangents are those of the mesh's own coordinates. The relief turns with the image.
-
-    `linear` (2, 2) float: the part of the transform from coordinates of the mesh to those of the
-    image. Returns (2, 2) float32: unit vectors in coordinates of the mesh, one per row.
+    """(2, 2) axes of a normal map, by rows, whose coordinates the (2, 2) `linear` map transforms.
 
     >>> image_axes(np.array([[0.0, -2.0], [2.0, 0.0]])).tolist()
     [[0.0, -1.0], [1.0, -0.0]]

@@ -256,10 +256,9 @@ def opposite_half_edges(
 ) -> IntArray:
     """The half-edge opposite to each, across which the surface continues.
 
-    `corners` (F, 3) int32: equal at one place; `solid` (F,) bool: faces to consider, by default
-    all; `regions` (F,) int32: faces of different ones are no neighbors; `polygons` (F,) int32:
-    triangles of one are neighbors even where other faces meet there. Returns (3 F,) int32: -1 at
-    the boundary, and where more than two faces meet, or two of opposite winding.
+    `corners` (F, 3) int32: equal at one place; `solid` (F,) bool: faces to consider; `regions`
+    (F,): faces of different ones are no neighbors; `polygons` (F,): triangles of one always are.
+    Returns (3 F,): -1 at the boundary, and where over two faces or opposite windings meet.
 
     >>> square = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
     >>> opposite_half_edges(square).tolist()

@@ -228,10 +228,7 @@ _ALIKE = 0.2
 
 
 def with_source_normals(mesh: Mesh, source: Mesh, *, threads: int | None = None) -> Mesh:
-    """Give a simplified mesh the normals of its source, where they fit its faces.
-
-    Corners that share a normal still do: they get the mean of the normals found at each.
-    """
+    """Give a simplified mesh the normals of its source, shared as before, where they fit."""
     normals, rows = shading_normals(mesh, threads=threads)
     of_source, source_rows = shading_normals(source, threads=threads)
     frame = LocalFrame.around(source)

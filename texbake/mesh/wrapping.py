@@ -66,11 +66,10 @@ def remesh_with_few_tunnels(
     threads: int | None = None,
     progress: Progress = None,
 ) -> Iterator[tuple[Mesh, float, int]]:
-    """Wrap a mesh in closed surfaces with no more tunnels and parts than `n_faces` triangles show.
+    """Wrap a mesh in closed surfaces with no more tunnels than `n_faces` triangles show.
 
-    Yields the wrap that closes the narrowest gaps which leave few enough tunnels, then those of the
-    next wider and the next narrower gaps, each with the width of its gaps, in model units, and the
-    number of parts that were left out because they are smaller than a triangle.
+    Yields the wrap with the narrowest gaps that do, then the next wider and the next narrower one,
+    each with the width of gaps and the number of parts smaller than a triangle.
     """
     most = n_faces / _FACES_PER_TUNNEL
     stages = Stages(progress)

@@ -36,9 +36,7 @@ def hidden_faces(
 ) -> BoolArray:
     """(F,) bool: faces of the parts that opaque faces of other parts hide.
 
-    `is_one_sided`: faces that are not drawn from behind. Parts of them that are turned inside out,
-    such as the shells that draw outlines, hide nothing. Where the work would have no bound, as in
-    a heap of large triangles, the parts that are left count as visible.
+    Inverted parts of `is_one_sided` faces hide nothing; beyond a bound of work, parts are visible.
     """
     welded = weld_vertices(mesh, threads=threads)[mesh.faces]
     parts, n_parts = face_components(welded, mesh.n_vertices)

@@ -55,11 +55,9 @@ class MortonTree:
         compact: bool = False,
         threads: int | None,
     ) -> MortonTree:
-        """Build the tree over some faces of a mesh, one after another; None: over all of them.
+        """Build the tree over some faces, or all for None, one of those with equal corners.
 
-        Of several faces with the same corners, only the first is kept, which is the one that is
-        hit. Triangles of a chunk keep their ids in the whole mesh. A compact tree takes longer to
-        build; rays in unrelated directions walk it in two thirds of the time.
+        Triangles of a chunk keep their ids. A compact tree serves rays in unrelated directions.
         """
         faces = range(len(mesh.faces)) if faces is None else faces
         places = _sorted_places(mesh, faces, threads)

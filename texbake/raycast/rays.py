@@ -135,13 +135,7 @@ class OcclusionRange(NamedTuple):
 
 @lru_cache(maxsize=4)
 def direction_sets(n_rays: int, n_parts: int = 1, n_directions: int = _DIRECTIONS) -> Float32Array:
-    """(S, n_rays, 3) sets of unit vectors about +z, by the cosine of the angle to it.
-
-    Each set is a scrambled net, its points sorted by the cells of a grid, so that packets of the
-    j-th rays of neighboring samples stay together. Each `n_parts` sets that follow each other are
-    one net of all their directions, to be shared out to the samples of a texel. S is a power of
-    two, and so are `n_rays` and `n_parts`, with a product of at most `n_directions`, those of all
-    sets together.
+    """(S, n_rays, 3) sets of unit vectors about +z, by the cosine; each `n_parts` sets are one net.
 
     Based on: Owen, "Randomly Permuted (t,m,s)-Nets and (t,s)-Sequences", 1995; Burley, "Practical
     Hash-based Owen Scrambling", Journal of Computer Graphics Techniques 9(4), 2020, for its
@@ -182,10 +176,7 @@ def concentric_disk(points: FloatArray) -> FloatArray:
 
 
 def mixed(values: UintArray) -> UintArray:
-    """Hash of each number; every bit of the hash depends on every bit of the number.
-
-    Based on: Appleby, MurmurHash3, 2011, its final steps.
-    """
+    """Hash of each number, each bit of which depends on all, after Appleby, MurmurHash3, 2011."""
     values = (values ^ (values >> np.uint32(16))) * np.uint32(0x85EBCA6B)
     values = (values ^ (values >> np.uint32(13))) * np.uint32(0xC2B2AE35)
     return np.asarray(values ^ (values >> np.uint32(16)))

@@ -83,13 +83,7 @@ class RayScene:
         compact: bool = False,
         threads: int | None = None,
     ) -> Self:
-        """Build the ray tree over a mesh.
-
-        `chunk_faces`: for a mesh whose ray tree would not fit into memory, the most faces in a
-        tree; each call then rebuilds the trees of the chunks, one at a time. `compact`: for
-        hemispheres, or rays in unrelated directions; the tree takes longer to build, and these rays
-        are faster.
-        """
+        """Build the ray tree, or for a mesh beyond memory one per `chunk_faces` in turn."""
         return cls(mesh, frame, chunk_faces, compact, resolve_threads(threads))
 
     @property
@@ -103,10 +97,8 @@ class RayScene:
     ) -> RayHits:
         """Find the first hit of each ray within its length; of equally near faces the lowest.
 
-        With culling, rays pass through faces that face away from their origin.
-
-        `places`: for rays of samples of a texture, which are then cast in bundles of neighbors;
-        other rays are sorted first.
+        With culling, rays pass through back faces. Rays with `places` in a texture are cast in
+        bundles.
         """
         if places is not None:
             make = rows_of(rays, places)

@@ -68,9 +68,9 @@ class Rejection:
 class Effect:
     """One feature of light or surfaces.
 
-    It is activated for `why`, by the objects whose material changes `material_field` from its
-    default, or `when` a condition holds; or else by its `reasons` or `activations`. Without any, it
-    runs only if another effect needs it.
+    It is activated for `why`, by objects whose material changes `material_field`, or `when` a
+    condition holds; or else by its `reasons` or `activations`; without any, only if another needs
+    it.
     """
 
     name: str  # name in the plan, in `--explain`, in `after` and in `needs`

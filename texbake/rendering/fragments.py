@@ -54,10 +54,9 @@ def fragment_rows(
 ) -> FragmentRows:
     """Compute fragments of some rows (first, stop) of pixels from triangles (h, w) at samples.
 
-    `merges`: merge the samples of a pixel that see the same triangle into one fragment;
-    `wants_samples`: fill `of_samples`; `corner`: column and row of the first pixel, where the
-    pixels are only a part of the picture; `fine`: pixels of this part along one side of a pixel of
-    the picture.
+    `merges`: samples of one pixel and triangle are one fragment; `wants_samples`: fill
+    `of_samples`; `corner`: column and row of the first pixel; `fine`: these pixels per side of one
+    of the picture.
     """
     counts = np.zeros(world.n_objects, np.int64)
     core.count_fragments(face_ids, world.starts, side, merges, *rows, counts)
@@ -91,14 +90,10 @@ def weights_at(
     affine: bool = False,
     wants_changes: bool = False,
 ) -> tuple[FloatArray, BoolArray, Float32Array]:
-    """Compute the barycentric weights of fragments.
+    """Compute the weights (n, 2) of fragments, `back_facing` (n,) and `changes` (n, 4) if wanted.
 
-    `clip_from_world` (4, 4) float64; `width`, `height`: size of the picture in pixels; `face_ids`
-    (n,) int32; `places` (n, 2) float32; `affine`: interpolate linearly on the screen, which is
-    wrong in perspective. Returns `weights` (n, 2) float64: weights of the second and third corner,
-    never below 0, and both 0 for a triangle without area in clip space; `back_facing` (n,) bool:
-    whether the triangle is seen from behind; `changes` (n, 4) float32: growth of the two weights
-    for one pixel to the right, then for one pixel down; empty unless `wants_changes`.
+    `places` (n, 2) float32; `affine`: linear on the screen. Changes are those of the two weights
+    one pixel to the right, then down; weights are never below 0, and 0 for triangles without area.
     """
     n = len(face_ids)
     weights = np.empty((n, 2))

@@ -37,12 +37,11 @@ AnyTexture = TypeVar("AnyTexture", bound=Texture)
 
 @dataclass(frozen=True, eq=False)
 class RenderRequest:
-    """A scene, its render options and a camera.
+    """A scene, its render options and a camera; `keep` names data that the frame holds.
 
-    `keep` names the data that the frame holds beside its color. `depth` counts nested pictures; it
-    is 1 in an environment rendered for a reflecting object. `window` has the pixels of the camera's
-    picture that are drawn, None for all. `removed` lists what was taken out of the scene;
-    with `keeps_materials`, effects of the caller's own may read all that is left.
+    `depth` counts nested pictures; `window` has the pixels to draw, None for all; `removed` lists
+    what was taken out of the scene; with `keeps_materials`, the caller's effects may read what is
+    left.
     """
 
     scene: Scene

@@ -66,11 +66,9 @@ def lights_object(light: Light, item: SceneObject, camera: Camera | None = None)
 
 
 def hits_object(picture: ProjectedTexture, item: SceneObject) -> bool:
-    """Whether a projected picture, with a margin, may meet an object's bounding box.
+    """Whether a projected picture, with a margin of its size, may meet an object's bounding box.
 
-    The margin is the width and height of the picture on each side. If the result depends on the
-    aspect of a file, the file is opened only for objects in front of the projector and between the
-    upper and lower bounds; a file that cannot be read counts as square.
+    A file is opened for its aspect only if the result depends on it; an unreadable one is square.
     """
     corners = _corners(item)
     if corners is None:

@@ -166,13 +166,9 @@ def encode_normals(
 def decode_normals(
     pixels: npt.NDArray[Any], *, convention: str = "opengl", threads: int | None = None
 ) -> Float32Array:
-    """Decode the colors of a normal map, 2x - 1, and normalize the vectors.
+    """(..., 3) unit vectors 2x - 1 of the colors of a normal map; (0, 0, 1) without a direction.
 
-    A flat 8-bit texel (128, 128, 255) decodes to 0.318 degrees off the axis, as in renderers,
-    because no integer code is exactly 0.
-
-    `pixels` (..., 3 or more) uint8, uint16 or float32. Returns (..., 3) float32: unit vectors.
-    Colors without a direction, such as (0.5, 0.5, 0.5), and NaN give (0, 0, 1).
+    A flat 8-bit texel is 0.318 degrees off the axis, as in renderers: no integer code is exactly 0.
     """
     sign = _green_sign(convention)
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0

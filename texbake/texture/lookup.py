@@ -69,11 +69,7 @@ def border_values(border: npt.ArrayLike | None, n_channels: int) -> Float32Array
 
 
 def row_of_v(v: FloatArray, height: float) -> FloatArray:
-    """Return the continuous row, down from the top edge, of a v that goes up from the bottom edge.
-
-    Its own inverse on the unit square: `row_of_v(row / height, 1.0)` is the v of a row. The kernels
-    have their own, in `core/texture_lookup.h`.
-    """
+    """Row from the top edge of a v from the bottom edge; its own inverse for `height` 1."""
     return (1.0 - v) * height
 
 

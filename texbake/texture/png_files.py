@@ -53,14 +53,7 @@ def png_parts(
     description: str = "",
     threads: int | None = None,
 ) -> list[bytes]:
-    """Return the bytes of a PNG file, in parts.
-
-    Rows are stored as differences from what the neighbors predict, compressed by run lengths and
-    Huffman codes only. For smooth maps, the files are smaller than with differences from the left
-    and the usual search for repeats, and are written many times as fast.
-
-    `codes` (H, W, C) uint8 or uint16; `srgb`: whether to mark the codes as sRGB colors.
-    """
+    """Return the bytes of a PNG file of codes (H, W, C), in parts; no search for repeats."""
     height, width, n_channels = codes.shape
     header = struct.pack(
         ">IIBBBBB", width, height, 8 * codes.itemsize, _COLOR_TYPES[n_channels], 0, 0, 0

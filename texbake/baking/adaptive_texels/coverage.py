@@ -82,11 +82,7 @@ class TexelCoverage(NamedTuple):
 
 
 def outlined_texels(bins: FaceBins, width: int, height: int) -> BoolArray:
-    """(height, width) bool: texels that an edge without a face on its other side passes through.
-
-    All others are wholly covered where their center is covered, and not at all where it is not.
-    Kernel: `core/edge_functions.c`.
-    """
+    """(height, width) bool: texels that an open edge passes through; `core/edge_functions.c`."""
     outlined = np.zeros((height, width), dtype=np.bool_)
     core.mark_lines(_outlines(bins.corners), outlined)
     return outlined
@@ -124,12 +120,9 @@ def cell_samples(
 ) -> tuple[IntArray, Samples]:
     """Place the samples of some cells of one level, and find the faces that they lie on.
 
-    A cell is left out if no face covers it, even at its most central covered sub-square. Kernel:
+    `centers` (height, width) int32: faces that own the centers of texels; `cells`: places, texels
+    and spots. Returns (n,) int32, the cells that a face covers, and their samples. Kernel:
     `core/quadtree.c`.
-
-    `centers` (height, width) int32: faces that own the centers of the texels; `cells`: places,
-    texels and spots of the cells. Returns (n,) int32: places of the cells that are left; and the
-    samples, in the order in which they are cast.
     """
     places, texels, spots = cells
     owners = np.empty(len(places), dtype=np.int32)
@@ -151,13 +144,10 @@ def cell_samples(
 def find_owners(
     bins: FaceBins, points: npt.NDArray[np.int64]
 ) -> tuple[IntArray, npt.NDArray[np.float64]]:
-    """Find the face that owns each point of the map, and where on it the point lies.
+    """Find the first face that owns each point (n, 2), in 1 / `TEXEL` of a texel.
 
-    Where faces overlap, the first one owns a point. Kernel: `core/edge_functions.c`.
-
-    `points` (n, 2) int64: x and y in units of which `TEXEL` make up a texel. Returns `owners` (n,)
-    int32: `NO_FACE` for none; `weights` (n, 2) float64: weights of the second and third corner;
-    undefined where no face owns the point.
+    Returns `owners` (n,) int32, or `NO_FACE`; `weights` (n, 2) float64 of the second and third
+    corner. Kernel: `core/edge_functions.c`.
     """
     owners, weights = np.empty(len(points), dtype=np.int32), np.empty((len(points), 2))
     core.find_owners(*bins, points, owners, weights)
@@ -167,10 +157,7 @@ def find_owners(
 def check_samples(
     bins: FaceBins, width: int, texels: npt.NDArray[np.int64]
 ) -> tuple[npt.NDArray[np.int64], Samples]:
-    """Place the `N_CHECK_SAMPLES` of each of some texels, on a Fibonacci lattice.
-
-    None of them is a sample of a cell. A sample that lies on no face is left out. Also returns (n,)
-    int64: the rank of the texel of each sample among these texels.
+    """Place the `N_CHECK_SAMPLES` of some texels on a Fibonacci lattice, with (n,) ranks of texels.
 
     Based on: Sloan, Joe, "Lattice Methods for Multiple Integration", Oxford 1994, section 4.3.
     """

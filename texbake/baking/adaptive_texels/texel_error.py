@@ -87,11 +87,7 @@ class BoundedMap:
 
 
 def bounded_maps(kinds: list[MapKind], inputs: BakeInputs, bounds: ErrorBounds) -> list[BoundedMap]:
-    """Return the maps of a bake whose errors are bounded.
-
-    Maps of secondary rays are not among them: their error comes from the number of these rays, and
-    more samples per texel would only spread it.
-    """
+    """Return the maps with bounded errors: not those of secondary rays, whose number decides."""
     bounded = []
     for kind in kinds:
         bound = bounds.of_map(kind.coding, inputs.low.diagonal)
@@ -145,11 +141,9 @@ class TexelError:
     threads: int | None
 
     def of_samples(self) -> tuple[FloatArray32, FloatArray32]:
-        """Estimate means from one sample per texel, and how evenly values change there.
+        """Means (n_texels, C) of one sample per texel, and second differences (n_texels,).
 
-        Returns `means` (n_texels, C) float32: 0 where there is no value; `steps` (n_texels,)
-        float32: second differences in bounds, summed over both axes, of the map where they are
-        greatest, and blended with those of neighbors; infinite where too little is known.
+        The differences are in bounds, and infinite where too little is known.
         """
         n, n_channels = self.shape[0] * self.shape[1], self.cells.values.shape[1]
         means = np.zeros((n, n_channels), dtype=np.float32)
@@ -215,11 +209,7 @@ class TexelError:
     def divide(
         self, level: Level, k: int, errors: FloatArray32, texel_errors: FloatArray32
     ) -> BoolArray:
-        """Choose the cells of the k-th level to divide; add the errors of the others to texels.
-
-        Where the error of a texel is above its bound, those of its cells are divided that add more
-        than an even share of half of the bound.
-        """
+        """Choose cells of the k-th level to divide, and add the errors of the others to texels."""
         divided = np.zeros(len(level), dtype=np.bool_)
         core.choose_divided(
             k < LAST_LEVEL, level.texels, level.weights, errors, self.coverage.counts,
@@ -228,13 +218,7 @@ class TexelError:
         return divided
 
     def of_divided(self) -> FloatArray32:
-        """Estimate errors of all texels, divided as far as they are.
-
-        While texels are divided, only the error of the map that is farthest off is kept. Where
-        there are several maps, this estimates the errors of one of them, from the same samples.
-
-        Returns (n_texels,) float32: 0 where nothing is covered.
-        """
+        """Errors (n_texels,) of texels, divided as they are, of the map that is farthest off."""
         cells = self.cells
         means, steps = self.of_samples()
         errors = ONE_SAMPLE * steps

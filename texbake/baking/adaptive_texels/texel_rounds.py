@@ -190,11 +190,7 @@ def _closest_bounds(kinds: list[MapKind], max_error: str | None) -> ErrorBounds:
 
 
 def _of_first_samples(steps: FloatArray32) -> tuple[FloatArray32, FloatArray32]:
-    """Errors of first samples above the closest bound, and the samples that each of them costs.
-
-    A texel stands there with its 4 samples, and with 12 and 48 more for bounds for which as many
-    before them would be too few.
-    """
+    """Errors of first samples above the closest bound, and the samples that each of them costs."""
     every = _texels_per_predicted(len(steps))
     steps = steps[::every]
     steps = steps[ONE_SAMPLE * steps > 1.0]

@@ -67,13 +67,7 @@ def to_tangent_space(
 
 
 def displacement_values(hits: Hits, inputs: BakeInputs) -> Float32Array:
-    """Signed distance from the low-poly surface at each hit, positive outwards: (n, 1) float32.
-
-    In model units, along the direction in which displacement moves the low-poly mesh: its smooth
-    normal, interpolated linearly and then normalized, whatever direction the rays had. With smooth
-    rays it is the exact distance along the ray, and displacing the low-poly mesh by it gives the
-    high-poly surface back.
-    """
+    """Distance from the low-poly surface along its smooth normal: (n, 1), in model units."""
     from texbake.core import core
 
     normals, corners = inputs.low_surface.displacement_normals

@@ -165,9 +165,7 @@ def pair_names(
 ) -> Matching | None:
     """Find the high-poly object of each low-poly object; None unless all names pair up.
 
-    A name without a suffix counts as a whole, so that `crate` pairs with `crate` and `crate_high`.
-    Low-poly objects may be named `crate_high` as well, because `simplify` keeps names.
-    There must be several low-poly objects, no two with the same name.
+    A name without a suffix counts as a whole, and `simplify` keeps names such as `crate_high`.
 
     >>> pair_names(["lid", "box_high"], ["box_low", "lid"], PartsOptions()).table()
     [('box_low', 'from box_high'), ('lid', 'from lid')]
@@ -232,9 +230,7 @@ def _match_bases(
 
 
 def base_of(name: str, suffix: str, *, exact: bool = False) -> str | None:
-    """Return the name before its last suffix; None without a suffix, or with nothing before it.
-
-    With `exact` nothing may follow the suffix, else nothing that begins with a letter.
+    """Return the name before its last suffix, which no letter may follow, or with `exact` nothing.
 
     >>> base_of("Body_HIGH.001", "_high"), base_of("body_highlight", "_high")
     ('Body', None)

@@ -53,12 +53,7 @@ class PartsResult:
 
 
 def with_common_levels(maps: Sequence[BakedMap], bits: int) -> list[BakedMap]:
-    """Return maps of one kind with common levels, for integer files of 8 or 16 bits.
-
-    Integer files hold heights, curvatures and thicknesses at a scale that is measured if it is not
-    given. Measured map by map it would differ from tile to tile, while the program that reads them
-    uses one for all. Other maps, and levels that were given, stay as they are.
-    """
+    """Return maps of one kind with levels that all tiles share, for files of 8 or 16 bits."""
     if len(maps) < 2:
         return list(maps)
     options, coding = maps[0].options, maps[0].kind.coding

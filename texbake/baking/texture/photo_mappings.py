@@ -68,13 +68,9 @@ def hidden_points(
 ) -> BoolArray:
     """Find the points of a mesh that have its own surface between them and the camera.
 
-    Rays start at the camera, or just outside the mesh if that is nearer, and end just before the
-    point: whatever they hit hides it. Faces hide from either side.
-
-    `points` (n, 3) float64, in local units; `faces` (n,) int32: faces that the points lie on, which
-    do not hide them; `seen_from` (4,) float64: a camera at (x, y, z, 1), or infinitely far in the
-    direction (x, y, z, 0); `slack` (n,) float64: surfaces nearer to a point than this do not hide
-    it. Returns (n,) bool.
+    `points` (n, 3) float64, in local units; `faces` (n,) int32: those that the points lie on;
+    `seen_from` (4,): a camera (x, y, z, 1) or direction (x, y, z, 0); `slack`: surfaces nearer to a
+    point than this do not hide it.
     """
     towards = seen_from[:3] - seen_from[3] * points
     distances = np.sqrt(pm.vecdot(towards, towards))
@@ -91,14 +87,10 @@ def hidden_points(
 
 
 class CameraMapping:
-    """Projects points into a photograph through its camera.
+    """Projects points into a photograph through its camera, without those near outlines.
 
-    The weight falls with the angle between the surface and the view. Points that face away, that
-    are hidden, or that lie within a margin around the outline of what hides others have none:
-    pixels on an outline mix the colors of both sides.
-
-    `matrix` (4, 4) float64: local space to (s, t, r, q); `occluders`: the mesh, or None if nothing
-    hides a point; `margins`: width and height of the margin, in the unit square of the photograph.
+    `matrix` (4, 4): local space to (s, t, r, q); `occluders`: the mesh, or None; `margins` around
+    what hides others: width and height in the unit square.
     """
 
     def __init__(
@@ -201,11 +193,7 @@ class UvMapping:
 
 
 def _facing_by_area(mesh: Mesh, mapped: Mesh) -> FloatArray:
-    """(F, 3) float64: area in the photograph per surface area, relative to the greatest.
-
-    Averaged over the faces around each position, weighted by area, so that it varies smoothly; 0 at
-    the corners of faces without area. The greatest is the density that 1 % of the surface exceeds.
-    """
+    """(F, 3) float64: area in the photograph per surface area, smoothed, 1 for the densest."""
     scale = unit_scale(float(np.abs(mesh.bounds).max()))  # no area is beyond float64
     surface = surface_areas(mesh.positions[mesh.faces] * scale)
     taken = np.abs(signed_areas(measurable_uvs(mapped)))

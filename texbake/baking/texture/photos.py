@@ -86,11 +86,7 @@ class PhotoCamera:
         return np.stack([right, np.cross(back, right), back])
 
     def matrix(self, aspect: float = 1.0, frame: LocalFrame | None = None) -> FloatArray:
-        """(4, 4) float64: model space to (s, t, r, q); `aspect` applies if the camera has none.
-
-        With a `frame`, from its space, so that no bit is lost where that lies far from the origin;
-        the depths r and q are then in its unit of length.
-        """
+        """(4, 4) float64: model space, or that of a frame, to (s, t, r, q); see `aspect`."""
         right, up, back = self.axes()
         focal = 1.0 / pm.tan(math.radians(self.fov) / 2.0)
         across = focal / (self.aspect or aspect)

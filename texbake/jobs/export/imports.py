@@ -56,10 +56,7 @@ def write_imports(
     maps: Sequence[ExportedMap],
     levels: Sequence[str] = (),
 ) -> list[Path]:
-    """Write the files that import an asset into a program, and return their paths.
-
-    `levels` are the names of the assets that are its coarser levels of detail.
-    """
+    """Write the files that import an asset and its `levels` into a program; return their paths."""
     asset = options.name or mesh_file.stem
     own = [written for written in maps if written.tile in ("", "1001")]
     texts: dict[str, str] = {}

@@ -70,10 +70,7 @@ class SourceMap:
 
 
 def kind_of(name: str, others: Collection[str] = ()) -> tuple[str, str]:
-    """Return the kind and the UDIM tile of a map's name.
-
-    The name may end in a tile, from 1001, or in a size in pixels. `others` are the names beside it:
-    if one of them is surely a tile, so is 1024.
+    """Return the kind and the UDIM tile of a map's name; 1024 is a size unless `others` have tiles.
 
     >>> kind_of("Albedo"), kind_of("normal_1002"), kind_of("ao:1001")
     (('base-color', ''), ('normal', '1002'), ('ao', '1001'))
@@ -137,12 +134,7 @@ def _check_spelling(name: str, kind: str, path: PathLike) -> None:
 def find_maps(
     folder: PathLike, named: Mapping[str, PathLike] | None = None, *, mesh: PathLike = ""
 ) -> dict[str, PathLike]:
-    """Return the images of a folder that are named after maps, and those that are given.
-
-    ``normal.png``, ``rock_normal.png``, ``rock_normal_1002.png`` (a tile) and
-    ``rock_normal_2048.png`` (a size) are normal maps. Other images are left out, and so are maps of
-    levels of detail, as `run` writes them, but those of the level that `mesh` is named after.
-    """
+    """Return the images of a folder that are named after maps of a mesh, and those given."""
     folder = Path(folder)
     if not is_folder(folder):
         raise FileError(f"{folder}: there is no such folder; give one that bake has written")

@@ -162,12 +162,7 @@ def _sides_beside(sides: IntArray, unknown: BoolArray, borders: _Borders) -> Int
 def _without_small_regions(
     sides: IntArray, allowed: BoolArray, areas: FloatArray, borders: _Borders
 ) -> IntArray:
-    """Join small regions to a neighboring side that is allowed for all their faces.
-
-    Of the sides of larger regions next to it, a region joins the one with the longest common
-    border. All regions move at once. The largest that moves joins one that stays, so that each
-    round leaves fewer regions.
-    """
+    """Join small regions to the allowed side with the longest common border, all at once."""
     faces, neighbors = borders.faces, borders.neighbors
     shells = merged_labels(len(sides), faces, neighbors)
     least = _SMALL * np.bincount(shells, areas)[shells]

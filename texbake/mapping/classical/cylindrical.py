@@ -220,14 +220,10 @@ def onto_sphere(
     rounding: float,
     polygons: IntArray | None = None,
 ) -> Projected:
-    """Longitudes and latitudes of the corners of faces.
+    """Longitudes and latitudes of the corners of faces, degrees `theta` as s = 0 and s = 1.
 
-    `points` (N, 3) float64; `faces` (F, 3) int; `theta`: longitudes in degrees that become s = 0
-    and s = 1; `rounding`: points no farther than this from the axis are at a pole, from the center
-    at it; `polygons` (F,) int32.
-
-    A corner at a pole gets the longitude of the centroid of its face; one at the center has
-    latitude 0.
+    A corner within `rounding` of the axis is at a pole, and gets the longitude of its face's
+    centroid; one at the center has latitude 0.
     """
     angles = wrap_angles(points, faces, theta=theta, rounding=rounding, polygons=polygons)
     x, y, height = points.T

@@ -130,13 +130,10 @@ def wrap_angles(
     rounding: float,
     polygons: IntArray | None = None,
 ) -> WrappedAngles:
-    """Angles of the corners of faces as a texture coordinate, s = (angle - a) / (b - a).
+    """Angles of the corners of faces as s = (angle - a) / (b - a), with `theta` a and b in degrees.
 
-    `points` (N, 3) float64; `faces` (F, 3) int32; `theta`: a and b, in degrees, not equal; if b is
-    the smaller, s grows clockwise; `rounding`: points no farther than this from the axis lie on it;
-    `polygons` (F,) int32: a whole polygon is on one turn, unless it surrounds the axis.
-
-    A corner on the axis gets the angle of the centroid of its face, which makes a fan at a pole.
+    A corner within `rounding` of the axis gets the angle of its face's centroid, which makes a fan
+    at a pole. A whole polygon is on one turn, unless it surrounds the axis.
     """
     first, last = theta[0] / 360.0, theta[1] / 360.0
     per_turn = 1.0 / (last - first)

@@ -82,11 +82,7 @@ def _facing(local: LocalPoints, mesh: Mesh) -> tuple[BoolArray, BoolArray]:
 
 
 def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
-    """(3, 3) float64: covariance of the surface about its centroid.
-
-    The integral of p pT over a triangle of area A is A / 12 times the sum of p pT over its three
-    corners and their sum. Without any area, all corners have the same weight.
-    """
+    """(3, 3) float64: covariance of the surface; without area, all corners weigh the same."""
     corners = points[mesh.faces]
     areas = surface_areas(corners)
     if not areas.sum() > 0.0:

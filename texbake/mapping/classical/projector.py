@@ -198,14 +198,10 @@ def mostly_hidden(
     *,
     threads: int | None = None,
 ) -> BoolArray:
-    """Find the faces of which other faces hide more than half of their four samples.
+    """(n,) bool: faces of which others, from any side, hide more than half of their four samples.
 
-    Kernel: `core/ray_occlusion.c`.
-
-    `tree`: in a frame in which the mesh has about unit size; `face_ids` (n,) int: faces to test;
-    `seen_from` (4,) float64: a point (x, y, z, 1), or the direction (x, y, z, 0) toward a point at
-    infinity. Returns (n,) bool. Faces hide others from both sides. A face never hides itself, and a
-    face without area hides nothing.
+    `seen_from` (4,): a point (x, y, z, 1) or direction (x, y, z, 0). Kernel:
+    `core/ray_occlusion.c`.
     """
     hidden = np.zeros(len(face_ids), dtype=bool)
     ids = np.ascontiguousarray(face_ids, dtype=np.int32)

@@ -16,9 +16,7 @@ from texbake.metadata import CONVENTION, SIGNATURE, SPACE, from_description, png
 
 
 def strip_triangles(indices: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """(F, 3) corners of triangle strips, all wound like the first of their strip.
-
-    `indices` (n,) integers; -1 begins another strip.
+    """(F, 3) corners of triangle strips, wound alike; -1 in `indices` (n,) begins another strip.
 
     >>> strip_triangles(np.array([0, 1, 2, 3, -1, 4, 5, 6])).tolist()
     [[0, 1, 2], [1, 3, 2], [4, 5, 6]]

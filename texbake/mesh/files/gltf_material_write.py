@@ -48,10 +48,7 @@ def add_material(
     uv_matrices: Mapping[int, FloatArray],
     units: float = 1.0,
 ) -> int:
-    """Add a material with its textures, and return its index.
-
-    One unit of the material's lengths is so many `units` of the mesh in the file.
-    """
+    """Add a material whose unit of length is so many `units` of the mesh, and return its index."""
     extensions: dict[str, Any] = {}
     content: dict[str, Any] = {"name": as_text(material.name), "pbrMetallicRoughness": {}}
     for slot in SLOTS:

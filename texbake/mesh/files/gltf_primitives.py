@@ -106,10 +106,7 @@ def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | Non
 
 
 def _motions(source: _PrimitiveSource, n: int) -> dict[str, npt.NDArray[Any]]:
-    """Arrays of joints, weights and morph targets, `TARGET_0` and so on, of n vertices.
-
-    Damaged arrays are left out with a warning; the displacements of a damaged morph target are 0.
-    """
+    """Joints, weights and targets `TARGET_0` ... of n vertices, without damaged arrays."""
     arrays: dict[str, npt.NDArray[Any]] = {}
     bindings = set(filter(_BINDING.fullmatch, source.accessors))
     try:

@@ -87,10 +87,7 @@ class CornerVertices:
         compress: bool,
         frame: Frame | None = None,
     ) -> Vertices:
-        """Vertices of faces of one material, in the space of a node if they hang on one.
-
-        Quantized positions of rigid objects stay in the space of the mesh.
-        """
+        """Vertices of faces of one material, in the space of a node `frame` if they hang on one."""
         if self.quantization is not None and frame is not None and frame.is_rigid:
             frame = None
         corners = self._columns(faces, material, frame)

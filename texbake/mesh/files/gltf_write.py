@@ -64,8 +64,7 @@ def write_glb(
 ) -> None:
     """Write a mesh as binary glTF with PNG or JPEG textures as they are, normals in +Y.
 
-    If the objects of a `rig` are those of the mesh, they are written on its nodes, with skins and
-    animations. Without `tangents`, readers compute those of normal maps.
+    Objects of a `rig` that match are on its nodes. Without `tangents`, readers compute them.
     """
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]

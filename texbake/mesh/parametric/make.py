@@ -142,12 +142,7 @@ def _joined(
 def _triangles(
     numbers: IntArray, distances: FloatArray, max_step: float | None
 ) -> tuple[IntArray, BoolArray]:
-    """(2 S, 3) and (2 S,): two triangles for each square of neighbors, and which of them to keep.
-
-    `numbers` (H, W) are the corners, and `distances` has one entry per number. Triangles are
-    counter-clockwise. A square is divided from lower left to upper right, or along the other
-    diagonal if that keeps more triangles, such as when one of those two corners has no distance.
-    """
+    """(2 S, 3) triangles, two per square of `numbers` (H, W), and which of them to keep."""
     upper_left, upper_right = numbers[:-1, :-1].ravel(), numbers[:-1, 1:].ravel()
     lower_left, lower_right = numbers[1:, :-1].ravel(), numbers[1:, 1:].ravel()
 

@@ -63,13 +63,9 @@ def project(
     smooth: BoolArray | None = None,
     threads: int | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Move vertices to the closest points of triangles, as far as no face folds.
+    """Move vertices to the closest points of triangles, as far as no face folds, or smooth them.
 
-    Vertices with no triangle near them, which close gaps, are smoothed instead.
-
-    `tree`, in the same units, voxels; `smooth` (F,) bool: triangles that fill holes, near which
-    vertices move to where the surface bends least. Returns `positions` (V, 3) float64; `faces` (2
-    n, 3) int32: the quads, divided.
+    `smooth` (F,) bool: triangles that fill holes. Returns `positions` (V, 3) and `faces` (2 n, 3).
     """
     before = nets.positions
     distances, face_ids, weights = tree.closest_points(

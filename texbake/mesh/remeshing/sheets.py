@@ -94,10 +94,7 @@ def build_body(
     *,
     threads: int | None = None,
 ) -> Nets:
-    """Build the net of a body that is pierced nowhere.
-
-    Thin walls, and the room between the surface and what fills a hole, can be thinner than a voxel.
-    If that leaves handles, all points next to the surface belong to the solid there.
+    """Build the net of a body that is pierced nowhere, solid along the surface if handles are left.
 
     `points` (V, 3) float64; `whole` (F, 3) int32: a body of one part, with what fills its holes.
     """

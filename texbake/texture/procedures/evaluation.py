@@ -88,13 +88,8 @@ def evaluate(
     scalar: bool = False,
     threads: int | None = None,
 ) -> Float32Array:
-    """Evaluate a procedure at points.
+    """Evaluate a procedure at points (n, 3) or (n, 2): (n, 1) or linear (n, 3) float32 in [0, 1].
 
-    `points` (n, 3) or (n, 2) float64; `footprint` (n,), (n, 3) or (n, 2) float. Returns (n, 1) or
-    (n, 3) float32, in [0, 1]; three channels are linear RGB.
-
-    Examples
-    --------
     >>> evaluate("checker", [[0.5, 0.5], [1.5, 0.5]]).ravel().tolist()
     [1.0, 0.0]
     >>> evaluate("checker", [[0.75, 0.5]], [0.5]).ravel().tolist()

@@ -157,11 +157,7 @@ def fractal_sum(
     threads: int | None = None,
     **parameters: Any,
 ) -> FloatArray:
-    """Return the signed sum of g^i noise(l^i p + i c); see `fractal`.
-
-    `points` (n, 3) or (n, 2) float64: the cells of the lattice are unit cubes; `footprint` (n,) or
-    (n, 3) float. Returns (n,) float64, of mean 0; an octave is within ±0.867 (cubic) or ±1.037
-    (quintic) times its gain, and 0 at lattice points.
+    """Return the signed sum (n,) of g^i noise(l^i p + i c) on unit cells, of mean 0; see `fractal`.
 
     >>> bool(abs(fractal_sum([[3.0, -7.0, 1e9]], octaves=1)[0]) == 0.0)
     True

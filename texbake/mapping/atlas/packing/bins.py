@@ -33,16 +33,9 @@ _GOLDEN_RATIO = 0.6180339887498949  # its multiples, modulo 1, are spread evenly
 class Bins:
     """Charts placed one after another in the tiles of their groups, at any number of scales.
 
-    Attributes
-    ----------
-    found : FinalLayout
-        Places at the last scale that fit.
-    tiles : (C,) int32
-        Tile of each chart at that scale.
-    room_above : float
-        Factor by which the charts could grow into the free rows of the last tile, if it is used.
-    sizes, lengths : (C,) float64
-        Half the perimeter of each chart's least bounding box, and the longer side of the shortest.
+    `found`: places at the last scale that fit, in `tiles` (C,); `room_above`: factor by which
+    charts could grow into free rows of the last tile; `sizes`, `lengths` (C,): of least bounding
+    boxes.
     """
 
     found: FinalLayout
@@ -207,17 +200,11 @@ def place_charts(
     all_or_nothing: bool = True,
     hurry: int = 0,
 ) -> tuple[IntArray, IntArray, int]:
-    """Place charts, one after another, where their tops are lowest, in any pose and quarter turn.
+    """Place charts in `order` where their tops are lowest, in any pose and quarter turn.
 
-    Kernel: `core/bottom_left.c`.
-
-    `order` (N,) int32: charts in the order in which they are placed, not necessarily all;
-    `all_or_nothing`: stop at the first chart that finds no place; `hurry`: 1 starts the search for
-    a chart where the last one of about the same size was placed, 2 does so for up to twice the size
-    and tries two quarter turns only. Returns `places` (C, 4) int32: column and row of the lower
-    left cell, pose, and counter-clockwise quarter turns of each chart, -1 for charts without a
-    place; `tops` (C,) int32: the row above each chart, 0 without a place; `n_missing`: charts of
-    the order that found no place.
+    `hurry`: 1 starts where the last chart of about that size is, 2 is coarser and tries two turns.
+    Returns `places` (C, 4) int32: column, row, pose and turns, or -1; `tops` (C,) int32; and the
+    number of charts without a place. Kernel: `core/bottom_left.c`.
     """
     places = np.full((len(bitmaps.boxes), 4), -1, dtype=np.int32)
     tops = np.zeros(len(places), dtype=np.int32)

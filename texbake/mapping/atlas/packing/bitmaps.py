@@ -135,12 +135,9 @@ class ChartRotations:
         return len(self.charts.faces) * n_poses * _STEPS_A_FACE
 
     def bitmaps(self, scale: float, margin: float) -> Bitmaps:
-        """The cells that each chart touches in each of its poses.
+        """Cells, `scale` per unit, that charts touch in each pose, enlarged by `margin` cells.
 
-        `scale`: cells per unit; `margin`: cells by which faces are enlarged. From 0 up, every cell
-        that the enlarged chart touches is marked; from -0.5 up, cells whose centers lie within
-        `margin + 0.5` of it along both axes. A chart without any marked cell takes one.
-
+        From -0.5 up, those whose centers lie within `margin + 0.5` along both axes; one at least.
         Kernel: `core/chart_bitmaps.c`.
         """
         boxes = np.maximum(np.ceil(self.extents * scale + 2.0 * margin), 1.0).astype(np.int64)

@@ -43,10 +43,7 @@ _MOST_SQUARES = 100
 
 @dataclass(frozen=True, kw_only=True)
 class _Budget:
-    """Trials of each stage of a search, and steps of work for each of them.
-
-    Only the best trials of a stage go on to the next one.
-    """
+    """Trials of each stage of a search, of which the best go on, and steps of work for each."""
 
     drafts: int
     squeezed: int
@@ -115,11 +112,9 @@ def pack_charts(
 ) -> Packing:
     """Rotate, scale and move charts so that they fill one or several textures.
 
-    `uvs` (T, 2) float64; `faces` (F, 3) int32; `chart_ids` (T,) int32; `size`: texels in a row, and
-    rows; `tiles`: number of textures, for each group if there are groups; `tile_groups` (C,) int32;
-    `density`: texels per model unit, None for the largest that fits; `unit`: model units per unit
-    of `uvs`; `aligned` (C,): charts that are only rotated by quarter turns; `reshape`: make strips
-    shorter and wider if they would own hardly any texels.
+    `uvs` (T, 2), one unit of which is `unit` model units; `chart_ids` (T,); `size`: columns and
+    rows; `tiles`: textures, per group of `tile_groups` (C,); `density`: texels per model unit, None
+    for the largest; `aligned` (C,): charts with quarter turns only; `reshape`: widen thin strips.
     """
     n_charts = int(chart_ids.max()) + 1
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts, aligned=aligned)
@@ -160,8 +155,7 @@ def upright_tiles(
 ) -> FloatArray:
     """(T, 2) coordinates, with each tile turned so that world up is up for most of its area.
 
-    `chart_ids` (T,) int32; `faces` (F, 3) int32; `heights` (F, 3) float64: of their corners in
-    space. A tile gives up no room for a quarter turn, or for a half turn unless it is `square`.
+    `heights` (F, 3): of corners in space. A half turn is always free, a quarter turn if `square`.
     """
     corners = packing.uvs[faces]
     (x1, y1), (x2, y2) = (corners[:, i].T - corners[:, 0].T for i in (1, 2))

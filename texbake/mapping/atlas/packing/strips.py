@@ -32,11 +32,7 @@ _TINY = np.finfo(np.float64).tiny
 def with_wide_strips(
     charts: Outlines, size: tuple[int, int], padding: int, n_tiles: int
 ) -> tuple[Outlines, BoolArray]:
-    """Make strips shorter and wider if they would own hardly any texels.
-
-    `charts`: in the poses of their least bounding boxes; `n_tiles`: textures of this `size`.
-    Returns charts, and (C,) bool: those with a new shape.
-    """
+    """Make strips that would own hardly any texels wider; also (C,) bool: charts it changed."""
     areas, lengths = charts.areas, np.maximum(_boxes(charts).max(axis=1), _TINY)
     widths = areas / lengths
     strips = (areas > 0.0) & (lengths > _STRIP * widths)
