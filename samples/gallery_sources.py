@@ -16,7 +16,7 @@ from texbake.baking.texture.solid import bake_solid
 from texbake.jobs.light_maps import bake_light_maps
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.shapes import cube
-from texbake.texture.cube_lookup import from_latitude_longitude
+from texbake.texture.cube_map import from_latitude_longitude
 from texbake.texture.heights_and_normals import height_to_normal
 from texbake.texture.lookup import ramp_lookup
 from texbake.texture.options import HeightToNormalOptions

@@ -7,7 +7,7 @@ from texbake.checks.check import check
 from texbake.checks.picture import COLORS
 from texbake.errors import OptionError, UvError
 from texbake.jobs.side_pictures import render_findings
-from texbake.mapping.layout_view import linear
+from texbake.mapping.layout import linear
 
 
 def share_of(picture, severity):

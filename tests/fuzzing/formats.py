@@ -293,8 +293,7 @@ def _read_all(path):
 def _read_character(path):
     """Read what moves a mesh, pose it, and write it again."""
     from texbake import read_mesh, write_mesh
-    from texbake.mesh.poses import with_poses
-    from texbake.mesh.rig import read_rig
+    from texbake.mesh.rig import read_rig, with_poses
 
     mesh, rig = read_mesh(path), read_rig(path)
     again = path.with_name("again.glb")

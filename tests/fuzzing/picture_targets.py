@@ -17,15 +17,23 @@ from texbake.rendering.camera import fill_picture
 from texbake.rendering.closeness import structural_similarities, view_errors
 from texbake.rendering.resolve import expose
 from texbake.rendering.scene.textures import WRAPS
-from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
-from texbake.texture.cube_map import CubeMap, shrink_cube
+from texbake.texture.cube_map import (
+    CubeMap,
+    from_latitude_longitude,
+    sample_cube,
+    shrink_cube,
+    to_latitude_longitude,
+)
 from texbake.texture.encoding import (
     color_ids,
+    count_clipped,
     encode_heights,
     encode_normals,
+    height_range,
     quantize_points,
     quantize_srgb,
     quantize_unsigned,
+    size_at_percentile,
 )
 from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
 from texbake.texture.mipmaps import mip_chain
@@ -36,7 +44,6 @@ from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.noise import fractal_sum
 from texbake.texture.procedures.options import PROCEDURE_DEFAULTS
 from texbake.texture.sample import FILTERS, FILTERS_WITH_FOOTPRINT, sample_texture
-from texbake.texture.value_range import count_clipped, height_range, size_at_percentile
 
 
 def image_lookup(drawn):

@@ -12,13 +12,13 @@ from texbake.texture.cube_files import (
     in_convention,
     read_faces,
 )
-from texbake.texture.cube_lookup import from_latitude_longitude, to_latitude_longitude
-from texbake.texture.cube_map import CubeMap
+from texbake.texture.cube_map import CubeMap, from_latitude_longitude, to_latitude_longitude
 from texbake.texture.encoding import (
     decode_heights,
     decode_normals,
     encode_heights,
     encode_normals,
+    height_range,
     quantize_unsigned,
 )
 from texbake.texture.mipmaps import mip_chain
@@ -26,7 +26,6 @@ from texbake.texture.options import CONVENTIONS, PackOptions
 from texbake.texture.pack import pack_textures
 from texbake.texture.padding import push_pull
 from texbake.texture.sample import sample_texture
-from texbake.texture.value_range import height_range
 
 # Coordinates at the ends of the range of floats.
 PLACES = np.array(

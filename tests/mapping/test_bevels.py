@@ -12,7 +12,7 @@ from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane
-from texbake.study.bench.beveled_box import beveled_box
+from texbake.study.bench.solids import beveled_box
 
 
 def angles_of(mesh):

@@ -7,8 +7,14 @@ import pytest
 
 from texbake.core import core
 from texbake.errors import UvError
-from texbake.mapping.layout import SAMPLES, draw_layout
-from texbake.mapping.layout_view import UNMEASURED, Tile, face_colors, text_coverage
+from texbake.mapping.layout import (
+    SAMPLES,
+    UNMEASURED,
+    Tile,
+    draw_layout,
+    face_colors,
+    text_coverage,
+)
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.oklch import diverging
 from texbake.mesh.shapes import cube, plane

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from texbake.errors import UvError
-from texbake.mapping.layout import draw_layout
+from texbake.mapping.layout import LayoutWindow, draw_layout, heat_color
 from texbake.mapping.layout_svg import layout_svg
-from texbake.mapping.layout_view import LayoutWindow, heat_color
 from texbake.mapping.seams import border_edges, seam_edges
 from texbake.mesh.shapes import cube, plane, uv_sphere
 

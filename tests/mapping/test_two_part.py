@@ -10,9 +10,8 @@ from texbake import Mesh, UnwrapOptions
 from texbake.mapping.classical.box import side_pictures
 from texbake.mapping.classical.cylindrical import cylindrical, spherical
 from texbake.mapping.classical.frames import LocalPoints
-from texbake.mapping.classical.intermediate import Box, surface_around
 from texbake.mapping.classical.planar import planar
-from texbake.mapping.classical.two_part import two_part
+from texbake.mapping.classical.two_part import Box, surface_around, two_part
 from texbake.mesh.shapes import cube, icosphere, plane
 
 EYE = (0.7, 1.1, 5.0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from texbake.errors import FileFormatError
-from texbake.mesh.files.decimals import parse_numbers, read_word
+from texbake.mesh.files.source import parse_numbers, read_word
 
 
 def as_bytes(text):

@@ -8,9 +8,7 @@ from texbake.errors import heard_warnings
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.fbx_curves import Curve, read_curve
 from texbake.mesh.files.fbx_nodes import Node
-from texbake.mesh.files.node_matrices import decomposed
-from texbake.mesh.poses import with_poses
-from texbake.mesh.rig import read_rig
+from texbake.mesh.rig import decomposed, read_rig, with_poses
 from texbake.verbs.meshes import transform_file
 
 TURN = np.array([[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])

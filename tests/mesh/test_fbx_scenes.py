@@ -14,8 +14,7 @@ from texbake.mesh.files.fbx_curves import Curve, read_curve
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_rig import read_motions
 from texbake.mesh.files.fbx_scene import FbxObject, euler_matrices, model_properties, read_scene
-from texbake.mesh.files.node_matrices import node_matrix
-from texbake.mesh.rig import read_rig
+from texbake.mesh.rig import node_matrix, read_rig
 from texbake.verbs.meshes import transform_file
 
 

@@ -13,11 +13,9 @@ from texbake.mesh.compose import excerpt, join_parts, transformed
 from texbake.mesh.deformation import Deformation, Morph, largest_weights
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh, write_mesh
-from texbake.mesh.files.node_matrices import inverse, rotation_matrices
 from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOptions
-from texbake.mesh.poses import with_poses
 from texbake.mesh.repair import repair
-from texbake.mesh.rig import read_rig
+from texbake.mesh.rig import inverse, read_rig, rotation_matrices, with_poses
 from texbake.mesh.simplify import simplify
 from texbake.verbs.meshes import transform_file
 from texbake.verbs.simplify import simplify_file

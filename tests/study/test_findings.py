@@ -5,9 +5,16 @@ import math
 import pytest
 from hypothesis import given, strategies as st
 
-from texbake.study.findings import findings, speedups
 from texbake.study.knob import Evaluation, Knob, Setting
-from texbake.study.result import KnobResult, Measurement, convergence_order, knee, pareto_front
+from texbake.study.result import (
+    KnobResult,
+    Measurement,
+    convergence_order,
+    findings,
+    knee,
+    pareto_front,
+    speedups,
+)
 
 
 def result(baseline="fixed"):

@@ -16,16 +16,14 @@ import pytest
 from texbake.errors import DependencyError, MeshError, OptionError
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.study import plots
-from texbake.study.findings import findings, spread
 from texbake.study.knob import TRUTHS, Case, Evaluation, Knob, Setting, knob_named
 from texbake.study.knobs.bumps import forward_normals
-from texbake.study.labels import place_labels
 from texbake.study.options import KNOB_MODULES, KNOB_NAMES, StudyOptions
-from texbake.study.result import KnobResult, Measurement
-from texbake.study.study import run_study
+from texbake.study.plots import place_labels
+from texbake.study.result import KnobResult, Measurement, findings, spread
+from texbake.study.study import run_study, write_study
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import texel_grid, wave_heights, wave_normals, wave_slopes
-from texbake.study.write import write_study
 
 
 @pytest.fixture(scope="module")

@@ -4,20 +4,18 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_lookup import (
-    CUBE_FILTERS,
-    from_latitude_longitude,
-    resize_cube,
-    sample_cube,
-    to_latitude_longitude,
-)
 from texbake.texture.cube_map import (
+    CUBE_FILTERS,
     CubeMap,
     cube_chain,
     face_directions,
+    from_latitude_longitude,
     locate_directions,
+    resize_cube,
+    sample_cube,
     solid_angles,
     texel_directions,
+    to_latitude_longitude,
 )
 
 

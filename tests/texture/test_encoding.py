@@ -9,21 +9,19 @@ from hypothesis.extra.numpy import arrays
 
 from texbake.errors import OptionError
 from texbake.texture.encoding import (
+    channel_ranges,
     color_ids,
+    count_clipped,
     decode_heights,
     decode_normals,
     decode_srgb,
     encode_heights,
     encode_normals,
     encode_srgb,
+    height_range,
     max_code,
     quantize_srgb,
     quantize_unsigned,
-)
-from texbake.texture.value_range import (
-    channel_ranges,
-    count_clipped,
-    height_range,
     size_at_percentile,
 )
 

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from texbake.texture.image import read_image, write_image
-from texbake.texture.mip_files import roughness_of_lengths, write_mip_levels
-from texbake.texture.mipmaps import mip_chain
+from texbake.texture.mipmaps import mip_chain, roughness_of_lengths, write_mip_levels
 from texbake.texture.options import MipOptions
 
 

@@ -4,8 +4,13 @@ import numpy as np
 import pytest
 
 from texbake.errors import OptionError
-from texbake.texture.cube_lookup import resize_cube, sample_cube
-from texbake.texture.cube_map import CubeMap, solid_angles, texel_directions
+from texbake.texture.cube_map import (
+    CubeMap,
+    resize_cube,
+    sample_cube,
+    solid_angles,
+    texel_directions,
+)
 from texbake.texture.prefilter import irradiance, specular_levels, split_sum_table
 
 

@@ -3,10 +3,23 @@
 import numpy as np
 import pytest
 
-from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube, to_latitude_longitude
-from texbake.texture.cube_map import CubeMap, cube_chain
+from texbake.texture.cube_map import (
+    CubeMap,
+    cube_chain,
+    from_latitude_longitude,
+    sample_cube,
+    to_latitude_longitude,
+)
 from texbake.texture.dds import write_dds
-from texbake.texture.encoding import decode_normals, encode_normals, quantize_srgb
+from texbake.texture.encoding import (
+    channel_ranges,
+    count_clipped,
+    decode_normals,
+    encode_normals,
+    height_range,
+    quantize_srgb,
+    size_at_percentile,
+)
 from texbake.texture.lookup import lookup, ramp_lookup, volume_lookup
 from texbake.texture.mipmaps import MIP_FILTERS, mip_chain
 from texbake.texture.padding import nearest_owner, push_pull
@@ -14,12 +27,6 @@ from texbake.texture.prefilter import irradiance, specular_levels
 from texbake.texture.procedures import evaluate
 from texbake.texture.procedures.options import PROCEDURE_NAMES
 from texbake.texture.sample import FILTERS, mip_levels, sample
-from texbake.texture.value_range import (
-    channel_ranges,
-    count_clipped,
-    height_range,
-    size_at_percentile,
-)
 
 RNG = np.random.default_rng(0)
 N = 600_000  # several bands of each kernel

@@ -31,21 +31,19 @@ from texbake.metadata import (
 )
 from texbake.records import dataclass
 from texbake.texture.encoding import (
+    channel_ranges,
     color_ids,
+    count_clipped,
     encode_heights,
     encode_normals,
     encode_srgb,
+    height_range,
     max_code,
     quantize_points,
     quantize_unsigned,
-)
-from texbake.texture.image_formats import check_image_format, format_of, holds_floats
-from texbake.texture.value_range import (
-    channel_ranges,
-    count_clipped,
-    height_range,
     size_at_percentile,
 )
+from texbake.texture.image_formats import check_image_format, format_of, holds_floats
 
 if TYPE_CHECKING:
     from texbake.baking.maps import MapKind

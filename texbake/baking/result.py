@@ -24,10 +24,10 @@ from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.metadata import Value
 from texbake.records import dataclass
+from texbake.texture.encoding import channel_ranges
 from texbake.texture.image import Image, image_as_read, read_image, write_image
 from texbake.texture.image_formats import holds_floats
 from texbake.texture.png_files import picture_png
-from texbake.texture.value_range import channel_ranges
 
 # Colors of texels that are not covered, that have data, and that lack it.
 _CLASS_COLORS = np.array([[24, 24, 28], [70, 110, 70], [255, 40, 60]], dtype=np.uint8)

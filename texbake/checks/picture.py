@@ -17,7 +17,7 @@ from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.checked_mesh import N_WORST, Finding
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
-from texbake.mapping.layout_view import BACKGROUND, INK, LayoutWindow, linear, text_coverage
+from texbake.mapping.layout import BACKGROUND, INK, LayoutWindow, linear, text_coverage
 from texbake.mapping.seams import chart_ids
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 

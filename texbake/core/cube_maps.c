@@ -9,8 +9,7 @@
    2017; Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989, for resampling; Debevec,
    "Rendering Synthetic Objects into Real Scenes", 1998, for panoramas as light sources.
 
-   Called from texbake/texture/cube_map.py, texbake/texture/cube_lookup.py and
-   texbake/texture/prefilter.py. */
+   Called from texbake/texture/cube_map.py and texbake/texture/prefilter.py. */
 
 #include <math.h>
 #include <stdint.h>
@@ -134,7 +133,7 @@ EXPORT int64_t shrink_cube_rows(
     return 0;
 }
 
-/* As in texbake/texture/cube_lookup.py. */
+/* As in texbake/texture/cube_map.py. */
 enum { FILTER_NEAREST, FILTER_BILINEAR, FILTER_TRILINEAR };
 
 static inline void copy_nearest(

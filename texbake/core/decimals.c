@@ -7,9 +7,9 @@
            2021 (the Eisel-Lemire algorithm: up to 19 digits times a 128-bit power of five).
 
    Departs from the latter where the result is undecided or not a normal number, or the word is not a
-   plain decimal: these are rare, and texbake/mesh/files/decimals.py leaves them to Python's `float`.
+   plain decimal: these are rare, and texbake/mesh/files/source.py leaves them to Python's `float`.
 
-   Called from texbake/mesh/files/decimals.py and obj_rows.c. */
+   Called from texbake/mesh/files/source.py and obj_rows.c. */
 
 #include "decimals.h"
 

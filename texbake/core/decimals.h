@@ -15,6 +15,6 @@ static inline bool is_in_word(uint8_t byte)
 }
 
 /* Read the word that begins at `*at`, and move `*at` to its end: white space, a backslash or `stop`.
-   The value is NaN where `read_word` in texbake/mesh/files/decimals.py must read the word. */
+   The value is NaN where `read_word` in texbake/mesh/files/source.py must read the word. */
 double read_decimal(
     const uint8_t *text, int64_t stop, const uint64_t (*fives)[2], int64_t *at);

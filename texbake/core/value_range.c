@@ -7,7 +7,7 @@
    Based on: Knuth, "The Art of Computer Programming", volume 3, section 5.2.5 (radix sorting; here
    only the counts).
 
-   Called from texbake/texture/value_range.py and texbake/baking/report.py. */
+   Called from texbake/texture/encoding.py and texbake/baking/report.py. */
 
 #include <math.h>
 #include <string.h>

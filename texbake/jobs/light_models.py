@@ -27,9 +27,8 @@ from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, one_group_a_node
 from texbake.mesh.part_sizes import EnlargedParts
-from texbake.mesh.poses import with_poses
 from texbake.mesh.repeated_parts import RepeatedParts
-from texbake.mesh.rig import Rig
+from texbake.mesh.rig import Rig, with_poses
 from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
 from texbake.mesh.triangle_tree import with_nearest_motion, with_source_normals
 from texbake.progress import Progress, Stages

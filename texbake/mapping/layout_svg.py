@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas
-from texbake.mapping.layout_view import (
+from texbake.mapping.layout import (
     BACKGROUND,
     EDGE_PX,
     HEAT_RANGE,

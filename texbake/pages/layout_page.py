@@ -14,7 +14,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.files import PathLike
 from texbake.mapping.distortion import ChartDistortion, distortion
-from texbake.mapping.layout_view import HEAT_RANGE, HEAT_TICKS, face_colors, heat_color
+from texbake.mapping.layout import HEAT_RANGE, HEAT_TICKS, face_colors, heat_color
 from texbake.mapping.seams import chart_ids, seam_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh

@@ -12,7 +12,7 @@ import string
 import numpy as np
 
 from texbake.errors import OptionError
-from texbake.mapping.layout_view import text_coverage
+from texbake.mapping.layout import text_coverage
 from texbake.mesh.mesh import Float32Array
 from texbake.mesh.oklch import linear_from_oklch
 

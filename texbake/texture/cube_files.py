@@ -24,8 +24,12 @@ from texbake.errors import FileError, FileFormatError, OptionError, require_know
 from texbake.files import PathLike, check_folder, check_writable, is_folder
 from texbake.mesh.mesh import Float32Array
 from texbake.records import dataclass
-from texbake.texture.cube_lookup import from_latitude_longitude, resize_cube, to_latitude_longitude
-from texbake.texture.cube_map import CubeMap
+from texbake.texture.cube_map import (
+    CubeMap,
+    from_latitude_longitude,
+    resize_cube,
+    to_latitude_longitude,
+)
 from texbake.texture.image import Image, read_image
 from texbake.texture.image_files import bits_for, clipped_share, suffix_like, write_images
 from texbake.texture.image_formats import check_image_format

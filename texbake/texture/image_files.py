@@ -29,11 +29,10 @@ from texbake.metadata import (
     Value,
     to_description,
 )
-from texbake.texture.encoding import encode_heights, encode_normals
+from texbake.texture.encoding import encode_heights, encode_normals, height_range
 from texbake.texture.image import GREATEST_HALF, Image, read_image, write_image, write_with_spec
 from texbake.texture.image_formats import check_image_format, holds_floats
 from texbake.texture.png_files import png_parts
-from texbake.texture.value_range import height_range
 
 
 def write_images(

@@ -30,11 +30,11 @@ from texbake.core import core, portable_math as pm
 from texbake.errors import require_least
 from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.parallel import run_bands
-from texbake.texture.cube_lookup import resize_cube
 from texbake.texture.cube_map import (
     CubeChain,
     CubeMap,
     cube_chain,
+    resize_cube,
     shrink_cube,
     solid_angles,
     texel_directions,

@@ -175,7 +175,7 @@ def mipmap_files(
     threads: int | None = None,
 ) -> JobResult[int]:
     """Write the mip levels of IMAGE, down to one texel."""
-    from texbake.texture.mip_files import write_mip_levels
+    from texbake.texture.mipmaps import write_mip_levels
 
     files = write_mip_levels(image, output, options, roughness=roughness, threads=threads)
     return JobResult(files=files, report=len(files))

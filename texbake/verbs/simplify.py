@@ -152,7 +152,7 @@ def _read(
 ) -> tuple[Mesh, MeshFileMaterials, ReducedMesh | None]:
     """Read a mesh, or what is left of one that is too large for memory."""
     from texbake.jobs.mesh_output import MeshFileMaterials, read_with_materials
-    from texbake.mesh.poses import with_poses
+    from texbake.mesh.rig import with_poses
     from texbake.mesh.streamed.mesh import StreamedMesh
     from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.mesh.streamed.source import open_source

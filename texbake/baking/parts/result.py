@@ -28,8 +28,8 @@ from texbake.mesh.mesh import BoolArray, Float32Array, IntArray
 from texbake.progress import StageRecord, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.records import dataclass
+from texbake.texture.encoding import channel_ranges, height_range
 from texbake.texture.image_formats import holds_floats
-from texbake.texture.value_range import channel_ranges, height_range
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,8 @@ from texbake.mesh.deformation import Morph
 from texbake.mesh.files.fbx_curves import Curve, read_curve
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene, Id, euler_matrices
-from texbake.mesh.files.node_matrices import decomposed, rotation_matrices
 from texbake.mesh.mesh import FloatArray
+from texbake.mesh.rig import decomposed, rotation_matrices
 from texbake.records import dataclass
 
 ROTATION, SCALING, PERCENT = "Lcl Rotation", "Lcl Scaling", "DeformPercent"

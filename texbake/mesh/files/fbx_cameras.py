@@ -18,8 +18,8 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.files.fbx_scene import FbxObject, FbxScene
-from texbake.mesh.files.node_matrices import inverse, matrix_field
 from texbake.mesh.mesh import FloatArray
+from texbake.mesh.rig import inverse, matrix_field
 
 CAMERA, LIGHT = "Camera", "Light"
 _GREATEST = 1e18  # of numbers that are taken for sound

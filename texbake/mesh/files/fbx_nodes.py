@@ -28,8 +28,14 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.decimals import parse_numbers
-from texbake.mesh.files.source import ByteArray, Cursor, decode_name, line_number, text_of
+from texbake.mesh.files.source import (
+    ByteArray,
+    Cursor,
+    decode_name,
+    line_number,
+    parse_numbers,
+    text_of,
+)
 from texbake.mesh.mesh import FloatArray
 
 # Nodes whose children are never used, and are skipped, however many there are.

@@ -45,17 +45,19 @@ from texbake.mesh.files.fbx_scene import (
     read_scene,
     vectors,
 )
-from texbake.mesh.files.node_matrices import (
-    decomposed,
-    inverse,
-    matrix_field,
-    node_fields,
-    node_matrix,
-)
 from texbake.mesh.files.source import parsed
 from texbake.mesh.files.unread_parts import LIGHTS
 from texbake.mesh.mesh import FloatArray
-from texbake.mesh.rig import Rig, RigObject, moving_ancestors
+from texbake.mesh.rig import (
+    Rig,
+    RigObject,
+    decomposed,
+    inverse,
+    matrix_field,
+    moving_ancestors,
+    node_fields,
+    node_matrix,
+)
 
 _MOST_JOINTS = 8  # of a vertex
 _PLACES = {"Lcl Translation": "translation", "Lcl Rotation": "rotation", "Lcl Scaling": "scale"}

@@ -40,10 +40,9 @@ from texbake.mesh.files.gltf_primitives import (
     read_primitives,
     triangle_count,
 )
-from texbake.mesh.files.node_matrices import rotation_matrices
 from texbake.mesh.files.source import short_name, without_cycle_search
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh, require_few_sets
-from texbake.mesh.rig import moving_ancestors
+from texbake.mesh.rig import moving_ancestors, rotation_matrices
 from texbake.records import dataclass
 
 _MOVES = ("translation", "rotation", "scale")

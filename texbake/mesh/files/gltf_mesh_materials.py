@@ -2,12 +2,17 @@
 
 The factor of an occlusion is its strength: 1 + strength (texel - 1). That of a normal map is its
 scale, which acts on x and y. A texture that cannot be read is noted, and the channel keeps its
-factor.
+factor. Extensions that texbake does not know better are carried along, as they are.
+
+Based on: Khronos Group, KHR_materials_anisotropy, KHR_materials_diffuse_transmission,
+KHR_materials_dispersion, KHR_materials_ior, KHR_materials_iridescence and KHR_materials_volume.
 """
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 from typing import Any
 from urllib.parse import unquote
@@ -21,7 +26,6 @@ from texbake.mesh.files.channels import FILE_CHANNELS, FileChannel
 from texbake.mesh.files.conversion import as_text, media_type
 from texbake.mesh.files.gltf import indices, scene_nodes
 from texbake.mesh.files.gltf_document import FLIP, Document, read_document
-from texbake.mesh.files.gltf_extensions import CARRIED, VARIANTS, read_extensions
 from texbake.mesh.files.gltf_materials import (
     OF_TEXTURE,
     GltfSource,
@@ -30,6 +34,7 @@ from texbake.mesh.files.gltf_materials import (
     image_source,
     material_index,
     read_material,
+    read_texture,
     unread_extensions,
 )
 from texbake.mesh.files.gltf_primitives import primitive_uvs, triangle_count
@@ -44,6 +49,59 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.mesh import FloatArray, Mesh, require_few_sets
 from texbake.records import dataclass
+
+CARRIED: Mapping[str, tuple[str, ...]] = {
+    "KHR_materials_anisotropy": (
+        "anisotropyStrength", "anisotropyRotation", "anisotropyTexture",
+    ),
+    "KHR_materials_diffuse_transmission": (
+        "diffuseTransmissionFactor", "diffuseTransmissionTexture",
+        "diffuseTransmissionColorFactor", "diffuseTransmissionColorTexture",
+    ),
+    "KHR_materials_dispersion": ("dispersion",),
+    "KHR_materials_ior": ("ior",),
+    "KHR_materials_iridescence": (
+        "iridescenceFactor", "iridescenceTexture", "iridescenceIor",
+        "iridescenceThicknessMinimum", "iridescenceThicknessMaximum",
+        "iridescenceThicknessTexture",
+    ),
+    "KHR_materials_volume": (
+        "thicknessFactor", "thicknessTexture", "attenuationDistance", "attenuationColor",
+    ),
+}  # fmt: skip
+"""Names of extensions, and the properties of each."""
+VARIANTS = "KHR_materials_variants"
+
+
+def read_extensions(
+    document: Document,
+    extensions: dict[str, Any],
+    image_of: Callable[[str, GltfTexture], ChannelImage | None],
+) -> dict[str, dict[str, Any]]:
+    """Read the extensions of a material that texbake carries along, without damaged properties."""
+    found: dict[str, dict[str, Any]] = {}
+    for name in CARRIED.keys() & extensions.keys():
+        content = document.mapping(extensions, name)
+        values = found.setdefault(name, {})
+        for key in CARRIED[name]:
+            value = content.get(key)
+            if key.endswith("Texture"):
+                try:
+                    texture = read_texture(document, document.mapping(content, key))
+                except FileFormatError:
+                    continue
+                value = image_of(key, texture)
+            elif not _is_sound(value):
+                value = None
+            if value is not None:
+                values[key] = value
+    return {name: found[name] for name in sorted(found)}
+
+
+def _is_sound(value: Any) -> bool:
+    numbers = value if isinstance(value, list) and len(value) <= 4 else [value]
+    return all(type(each) in (int, float) and math.isfinite(each) for each in numbers)
+
 
 _MOST_VARIANTS = 256
 

@@ -19,10 +19,9 @@ from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf import SceneNodes, indices, moving_nodes, scene_nodes
 from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import morph_targets
-from texbake.mesh.files.node_matrices import node_fields, node_matrix
 from texbake.mesh.files.source import without_cycle_search
 from texbake.mesh.files.unread_parts import LIGHTS
-from texbake.mesh.rig import Rig, RigObject
+from texbake.mesh.rig import Rig, RigObject, node_fields, node_matrix
 
 _VISIBILITY = "KHR_node_visibility"
 _PLACES = {"translation": 3, "rotation": 4, "scale": 3}

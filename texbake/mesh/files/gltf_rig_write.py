@@ -19,10 +19,9 @@ from texbake.core import portable_math as pm
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import Quantization
 from texbake.mesh.files.gltf_vertices import Frame
-from texbake.mesh.files.node_matrices import inverse, matrix_field
 from texbake.mesh.files.unread_parts import LIGHTS
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.rig import Rig, RigObject
+from texbake.mesh.rig import Rig, RigObject, inverse, matrix_field
 
 
 class RigWriter:

@@ -32,8 +32,8 @@ from texbake.files import PathLike
 from texbake.mesh.files.conversion import as_text, far_origin, float32_positions, require_uvs
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import QUANTIZATION, Quantization
-from texbake.mesh.files.gltf_extensions import VARIANTS
 from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
+from texbake.mesh.files.gltf_mesh_materials import VARIANTS
 from texbake.mesh.files.gltf_rig_write import RigWriter
 from texbake.mesh.files.gltf_vertices import CornerVertices, Frame
 from texbake.mesh.materials import Materials

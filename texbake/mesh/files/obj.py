@@ -36,9 +36,16 @@ from texbake.core import core
 from texbake.errors import FileFormatError, MeshError, warn_of
 from texbake.files import PathLike
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
-from texbake.mesh.files.decimals import POWERS_OF_FIVE, read_word
 from texbake.mesh.files.obj_write import read_uv_sets
-from texbake.mesh.files.source import ByteArray, decode_name, line_number, read_array, text_of
+from texbake.mesh.files.source import (
+    POWERS_OF_FIVE,
+    ByteArray,
+    decode_name,
+    line_number,
+    read_array,
+    read_word,
+    text_of,
+)
 from texbake.mesh.hard_edges import Polygons, with_smoothing_groups
 from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import triangulated

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, appearing_together, is_file, remove_file, replacing
-from texbake.mesh.files.decimals import write_lists, write_rows
+from texbake.mesh.files.source import write_lists, write_rows
 from texbake.mesh.mesh import Int64Array, IntArray, Mesh, UvSet
 from texbake.mesh.polygons import Outlines, outlines, triangulated
 

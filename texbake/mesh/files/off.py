@@ -21,8 +21,14 @@ import numpy as np
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_colors
-from texbake.mesh.files.decimals import TextNumbers, parse_numbers, write_lists, write_rows
-from texbake.mesh.files.source import read_array, text_of
+from texbake.mesh.files.source import (
+    TextNumbers,
+    parse_numbers,
+    read_array,
+    text_of,
+    write_lists,
+    write_rows,
+)
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
 

@@ -33,9 +33,8 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_triangles
-from texbake.mesh.files.decimals import parse_numbers
 from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, read_header
-from texbake.mesh.files.source import read_array
+from texbake.mesh.files.source import parse_numbers, read_array
 from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.weld import split_vertices, unique_corners, values_of_vertices

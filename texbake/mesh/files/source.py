@@ -1,10 +1,15 @@
-"""The bytes of a mesh file, lines of text in them, and what a file is parsed into, once for all."""
+"""The bytes of a mesh file, lines and decimal numbers in them, and what a file is parsed into.
+
+Numbers are read and written so that every float64 keeps its bits; kernel: `core/decimals.c`.
+"""
 
 from __future__ import annotations
 
 import gc
+import io
 import math
 import os
+import re
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,9 +20,11 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from texbake.core import core
 from texbake.errors import FileFormatError, counted, one_line, quoted, shortened
 from texbake.files import PathLike, read_whole
 from texbake.limits import LONGEST_NAME
+from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
 
 ByteArray = npt.NDArray[np.uint8]
 Parsed = TypeVar("Parsed")
@@ -178,3 +185,90 @@ def parse_row(path: PathLike, line: TextLine, n_numbers: int, what: str) -> list
         if not math.isfinite(row[-1]):
             raise FileFormatError(f"{path}: line {line.number}: {quoted(word)} is not finite")
     return row
+
+
+def _powers_of_five() -> npt.NDArray[np.uint64]:
+    """(256, 2) uint64: high and low half of each power, its first bit shifted to bit 127."""
+    halves = []
+    for power in range(-128, 128):
+        five = 5 ** abs(power)
+        if power < 0:  # a reciprocal, rounded up
+            five = (1 << (2 * five.bit_length() + 128)) // five + 1
+        bits = five.bit_length()
+        five = five << (128 - bits) if bits <= 128 else five >> (bits - 128)
+        halves.append((five >> 64, five & (2**64 - 1)))
+    return np.array(halves, dtype=np.uint64)
+
+
+POWERS_OF_FIVE = _powers_of_five()
+
+
+class TextNumbers(NamedTuple):
+    """Numbers of a text."""
+
+    # (n,) float64; every number, in order; may be infinite or NaN where the text says so.
+    values: FloatArray
+    # (m,) int64; index into `values` of the first number of each line that is not blank.
+    lines: Int64Array
+
+
+def parse_numbers(
+    path: object, data: ByteArray, start: int = 0, stop: int | None = None, *, lead: str = ""
+) -> TextNumbers:
+    """Read the numbers of a text (n,) from `start` to before `stop`; ``#`` opens a comment."""
+    stop = len(data) if stop is None else stop
+    letter = ord(lead) if lead else 0
+    tally = np.zeros(3, dtype=np.int64)
+    values, lines = np.empty(0), np.empty(0, dtype=np.int64)
+    hard = np.empty((0, 2), dtype=np.int64)
+    fives = POWERS_OF_FIVE
+    core.read_numbers(data, start, stop, letter, False, fives, values, lines, hard, tally)
+    values, lines = np.empty(tally[0]), np.empty(tally[1], dtype=np.int64)
+    for _ in range(2):  # again where more words are hard than there was room for
+        hard = np.empty((max(int(tally[2]), 1024), 2), dtype=np.int64)
+        core.read_numbers(data, start, stop, letter, True, fives, values, lines, hard, tally)
+        if tally[2] <= len(hard):
+            break
+    for slot, at in hard[: tally[2]].tolist():
+        values[slot] = read_word(path, data, at)
+    return TextNumbers(values, lines)
+
+
+_WORD = re.compile(rb"[^\x00-\x20\\]*")
+_PLAIN = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+_NOT_A_NUMBER = re.compile(rb"[-+]?(nan|ind|1\.#(ind|qnan|snan|inf|j)|inf)", re.IGNORECASE)
+
+
+def read_word(path: object, data: ByteArray, at: int) -> float:
+    """Read a number that the kernel could not settle; NaN for words such as those for infinity."""
+    found = _WORD.match(data.data, at)
+    word = found.group() if found else b""
+    if _PLAIN.fullmatch(word):
+        return float(word)
+    if _NOT_A_NUMBER.match(word):
+        return math.nan
+    shown = word[:40].decode("latin-1")
+    raise FileFormatError(f"{path}: line {line_number(data, at)}: {quoted(shown)} is not a number")
+
+
+_BLOCK = 1 << 16  # rows formatted at once
+
+
+def write_rows(file: io.BufferedWriter, row_format: str, rows: FloatArray | IntArray) -> None:
+    """Write each row of a table with a format such as ``v %r %r %r``, floats in shortest form."""
+    for start in range(0, len(rows), _BLOCK):
+        block = rows[start : start + _BLOCK]
+        file.write((row_format * len(block) % tuple(block.ravel().tolist())).encode("ascii"))
+
+
+def write_lists(
+    file: io.BufferedWriter, row_format: Callable[[int], str], sizes: Int64Array, values: IntArray
+) -> None:
+    """Write rows of several lengths: the format of a length takes as many rows of `values`."""
+    ends = np.cumsum(sizes)
+    for start in range(0, len(sizes), _BLOCK):
+        block = sizes[start : start + _BLOCK].tolist()
+        formats = {size: row_format(size) for size in set(block)}
+        rows = values[ends[start] - block[0] : ends[start + len(block) - 1]]
+        text = "".join([formats[size] for size in block])
+        file.write((text % tuple(rows.ravel().tolist())).encode("ascii"))

@@ -36,8 +36,7 @@ from texbake.rendering.request import RenderRequest
 from texbake.rendering.results import Target
 from texbake.rendering.scene.lights import Environment
 from texbake.rendering.studio import STUDIO_ROOM, studio_room
-from texbake.texture.cube_lookup import from_latitude_longitude, sample_cube
-from texbake.texture.cube_map import CubeChain, CubeMap
+from texbake.texture.cube_map import CubeChain, CubeMap, from_latitude_longitude, sample_cube
 from texbake.texture.image import FloatImage
 from texbake.texture.prefilter import irradiance, specular_levels, split_sum_table
 

@@ -24,8 +24,7 @@ from texbake.mesh.shapes import grid_sphere, orange, peel_radii, plane, uv_spher
 from texbake.mesh.weld import weld_rows
 from texbake.raycast.scene import RayScene
 from texbake.records import dataclass
-from texbake.study.bench.beveled_box import beveled_box, box_value, cube_with_uvs
-from texbake.study.bench.gyroid import Gyroid
+from texbake.study.bench.solids import Gyroid, beveled_box, box_value, cube_with_uvs
 from texbake.study.knob import StudyPair, low_with_uvs
 from texbake.study.truth.probes import Probes, probe, probe_surface
 from texbake.study.truth.surfaces import ImplicitSurface, Surface, orange_surface, wave_heights

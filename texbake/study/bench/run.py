@@ -31,10 +31,10 @@ from texbake.study.bench.result import BenchResult, Contest, Failure
 from texbake.study.bench.results_file import export_cases, merge_results
 from texbake.study.bench.tasks import TASKS
 from texbake.study.bench.write import write_bench
-from texbake.study.findings import amount
 from texbake.study.knob import Evaluation, Experiment, Setting
 from texbake.study.options import BenchOptions
 from texbake.study.plots import check_matplotlib
+from texbake.study.result import amount
 from texbake.study.runner import machine_figures, run_experiment
 
 

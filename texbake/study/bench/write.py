@@ -13,11 +13,10 @@ from texbake.progress import Progress, Stages
 from texbake.study.bench.map_tasks import MISSED
 from texbake.study.bench.programs import PROGRAMS
 from texbake.study.bench.result import OURS, BenchResult, Contest
-from texbake.study.findings import amount
 from texbake.study.options import PROGRAM_NAMES
 from texbake.study.plots import COLORS, Dot, Plot, draw_dots, finished_plot, new_figure, plot_style
-from texbake.study.result import Measurement, figure_names
-from texbake.study.write import PAGE_STYLE, TEMPLATES, crop_uri, titled
+from texbake.study.result import Measurement, amount, figure_names
+from texbake.study.study import PAGE_STYLE, TEMPLATES, crop_uri, titled
 
 PAGE, JSON, TABLE = "bench.html", "bench.json", "bench.md"
 
