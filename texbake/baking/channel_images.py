@@ -19,7 +19,7 @@ from texbake.mesh.materials import (
     Placing,
     SurfaceSampler,
 )
-from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import Float32Array, FloatArray, IndexArray, IntArray, Mesh, frozen
 from texbake.mesh.tangents import image_axes
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -56,7 +56,7 @@ def surface_points(
 class MaterialPoints:
     """Points of faces that have one material, and where they lie in its images."""
 
-    rows: npt.NDArray[np.intp] | slice  # which of all points they are
+    rows: IndexArray | slice  # which of all points they are
     faces: IntArray  # (n,) int32
     barycentrics: Float32Array  # (n, 2) float32; weights of the second and third corner
     # By the set of texture coordinates and the placing: several channels share one.

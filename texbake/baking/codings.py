@@ -8,13 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import OptionError
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import AnyArray, ByteArray, FloatArray
 from texbake.mesh.oklch import linear_from_oklch
 from texbake.metadata import (
     CONVENTION,
@@ -68,7 +67,7 @@ class EncodedMap:
     """A map encoded for a file."""
 
     # (H, W, C) uint8, uint16 or float32; codes, or floats that `write_image` converts.
-    pixels: npt.NDArray[Any]
+    pixels: AnyArray
     metadata: dict[str, Value] = field(default_factory=dict)
     n_clipped: int = 0  # values out of range of the given mid level and scale
 
@@ -202,7 +201,7 @@ def _ids(baked: BakedMap, bits: int) -> EncodedMap:
     return EncodedMap(pixels, metadata)
 
 
-def id_colors(n: int) -> npt.NDArray[np.uint8]:
+def id_colors(n: int) -> ByteArray:
     """(n + 1, 3) sRGB codes of ids from 1, after black, all different; fixed up to 1,024 ids."""
     colors = np.zeros((n + 1, 3), dtype=np.uint8)
     if n > _MOST_READABLE:

@@ -17,12 +17,11 @@ the greatest distance.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.streamed.mesh import StreamedMesh
@@ -88,7 +87,7 @@ def measure_ray_distances(
     return np.asarray(distances[sides])
 
 
-def _sides(low: Mesh) -> npt.NDArray[np.intp]:
+def _sides(low: Mesh) -> IndexArray:
     """(F, 3) side of its vertex that each corner lies on; faces below `_EDGE` share one."""
     faces = weld_vertices(low)[low.faces]
     pairs = edge_neighbors(faces)
@@ -99,7 +98,7 @@ def _sides(low: Mesh) -> npt.NDArray[np.intp]:
         low.n_faces, pairs.first[smooth].astype(np.int32), pairs.second[smooth].astype(np.int32)
     )
     keys = faces.astype(np.int64) * low.n_faces + labels[:, np.newaxis]
-    numbers: npt.NDArray[np.intp] = np.unique(keys, return_inverse=True)[1].reshape(-1, 3)
+    numbers: IndexArray = np.unique(keys, return_inverse=True)[1].reshape(-1, 3)
     return numbers
 
 

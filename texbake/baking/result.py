@@ -21,7 +21,15 @@ from texbake.baking.report import BakeReport
 from texbake.errors import OptionError, UvError
 from texbake.files import PathLike, make_folder
 from texbake.mapping.corner_uvs import surface_areas
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    BoolArray,
+    ByteArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    Mesh,
+)
 from texbake.metadata import Value
 from texbake.records import dataclass
 from texbake.texture.encoding import channel_ranges
@@ -68,9 +76,7 @@ class BakedMap:
         height, width = self.has_data.shape
         return f"<BakedMap {self.kind.name}: {width} x {height}, {self.has_data.mean():.0%} filled>"
 
-    def __array__(
-        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
-    ) -> npt.NDArray[Any]:
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> AnyArray:
         return np.array(self.values, dtype) if copy else np.asarray(self.values, dtype)
 
     def _repr_png_(self) -> bytes:
@@ -150,7 +156,7 @@ class BakeResult:
         """(H, W) bool: texels that the low-poly mesh covers and whose rays all missed."""
         return (self.texel_faces >= 0) & ~self.has_data
 
-    def miss_map(self) -> npt.NDArray[np.uint8]:
+    def miss_map(self) -> ByteArray:
         """(H, W, 3) uint8 image: gray outside the charts, green for hits, red for misses."""
         return classes_picture(self.texel_faces, self.missed)
 
@@ -171,7 +177,7 @@ class BakeResult:
         return paths
 
 
-def classes_picture(texel_faces: IntArray, without_data: BoolArray) -> npt.NDArray[np.uint8]:
+def classes_picture(texel_faces: IntArray, without_data: BoolArray) -> ByteArray:
     """(H, W, 3) uint8: gray outside the charts, green inside, red without data."""
     return _CLASS_COLORS[(texel_faces >= 0).astype(np.intp) + without_data]
 

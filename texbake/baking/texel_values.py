@@ -17,7 +17,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.hits import Hits
 from texbake.baking.inputs import BakeInputs
@@ -26,7 +25,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.result import BakedMap
 from texbake.baking.texels import NO_FACE
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import BoolArray, Float32Array, Int64Array, IntArray
+from texbake.mesh.mesh import BoolArray, ByteArray, Float32Array, Int64Array, IntArray
 from texbake.parallel import run_bands
 from texbake.progress import Stages
 from texbake.texture.padding import nearest_owner, push_pull
@@ -115,7 +114,7 @@ class TexelSums:
         return sums.reshape(shape)
 
     def _add_values(
-        self, hits: Hits, kinds: list[MapKind], counts: npt.NDArray[np.uint8], inputs: BakeInputs
+        self, hits: Hits, kinds: list[MapKind], counts: ByteArray, inputs: BakeInputs
     ) -> None:
         """Add samples to maps, then count them."""
         for kind in kinds:

@@ -12,7 +12,7 @@ from texbake.checks import coordinates, orientation, surface
 from texbake.checks.bake_kinds import FACES, SEVERITIES
 from texbake.checks.budget import AssetFile, budget_findings
 from texbake.checks.checked_mesh import CheckedMesh, Finding, make_finding
-from texbake.checks.coordinates import TexelOwners, texel_findings, texel_owners
+from texbake.checks.coordinates import texel_findings, texel_owners
 from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.checks.pair import (
     MeshPair,
@@ -28,7 +28,7 @@ from texbake.files import PathLike
 from texbake.mapping.corner_uvs import has_measurable_uvs
 from texbake.mesh.files import read_mesh
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Float32Array, Mesh
+from texbake.mesh.mesh import Float32Array, IntArray, Mesh
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
@@ -225,7 +225,7 @@ def _check(
     )
 
 
-def _pair_findings(pair: MeshPair, owners: TexelOwners | None) -> list[Finding | None]:
+def _pair_findings(pair: MeshPair, owners: IntArray | None) -> list[Finding | None]:
     """All findings about a pair; some of them only where the meshes fit together."""
     results = [high_is_coarser(pair), *misalignment(pair)]
     if not any(finding and finding.severity == "error" for finding in results):
@@ -235,7 +235,7 @@ def _pair_findings(pair: MeshPair, owners: TexelOwners | None) -> list[Finding |
     return results
 
 
-def _coordinate_findings(checked: CheckedMesh) -> tuple[list[Finding | None], TexelOwners | None]:
+def _coordinate_findings(checked: CheckedMesh) -> tuple[list[Finding | None], IntArray | None]:
     """Findings that only a low-poly mesh can have, and which of its faces own which texels."""
     if not checked.has_coordinates:
         return [checked.finding("no-coordinates", 1)], None

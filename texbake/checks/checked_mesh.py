@@ -16,7 +16,7 @@ from texbake.mapping.overlap import Overlaps, find_overlaps
 from texbake.mapping.seams import connected_faces
 from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh, frozen
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, Int64Array, IntArray, Mesh, frozen
 from texbake.mesh.normals import AREA_ROUNDING, face_normals
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import duplicate_faces, edge_ids, repeated_vertices
@@ -242,15 +242,15 @@ class CheckedMesh:
         self,
         name: str,
         count: int | np.integer[Any],
-        faces: npt.NDArray[Any] | None = None,
-        badness: npt.NDArray[Any] | None = None,
+        faces: AnyArray | None = None,
+        badness: AnyArray | None = None,
         **figures: Any,
     ) -> Finding | None:
         """Make a finding about this mesh; see `make_finding`."""
         return make_finding(name, self.role, count, faces, badness, **figures)
 
     def flag(
-        self, name: str, flagged: BoolArray, badness: npt.NDArray[Any] | None = None, **figures: Any
+        self, name: str, flagged: BoolArray, badness: AnyArray | None = None, **figures: Any
     ) -> Finding | None:
         """Make a finding about faces from a flag, (F,), and how bad it is, (F,), for each."""
         faces = np.flatnonzero(flagged)
@@ -265,8 +265,8 @@ def make_finding(
     name: str,
     mesh: str,
     count: int | np.integer[Any],
-    faces: npt.NDArray[Any] | None = None,
-    badness: npt.NDArray[Any] | None = None,
+    faces: AnyArray | None = None,
+    badness: AnyArray | None = None,
     **figures: Any,
 ) -> Finding | None:
     """Make a finding on `faces` (n,), worst by `badness`; None where nothing was counted."""
@@ -286,7 +286,7 @@ def make_finding(
     )
 
 
-def _worst_first(faces: npt.NDArray[Any] | None, badness: npt.NDArray[Any] | None) -> IntArray:
+def _worst_first(faces: AnyArray | None, badness: AnyArray | None) -> IntArray:
     if faces is None:
         return np.zeros(0, dtype=np.int32)
     if badness is None:

@@ -9,14 +9,13 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.checked_mesh import CheckedMesh, Finding, Look
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.stretch import face_stretch
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, Int64Array, IntArray
 from texbake.texture.padding import nearest_owner
 
 # Rounding of float32 files, for coordinates on the border of the tile; the same as in a bake.
@@ -76,10 +75,9 @@ CHECKS: tuple[Look, ...] = (
 
 # Share of the mean density: a face with a quarter of the texels per unit looks blurred.
 _LEAST_DENSITY = 0.25
-TexelOwners = npt.NDArray[np.int32]
 
 
-def texel_owners(checked: CheckedMesh) -> TexelOwners:
+def texel_owners(checked: CheckedMesh) -> IntArray:
     """(H, W) int32: face that owns each texel's center, `NO_FACE` for none."""
     options = checked.options
     grid = SampleGrid(options.width_px, options.height_px, 1)
@@ -123,7 +121,7 @@ def chart_widths(checked: CheckedMesh) -> FloatArray:
     return np.where(areas > 0.0, widths, np.nan)
 
 
-def close_charts(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
+def close_charts(checked: CheckedMesh, owners: IntArray) -> Finding | None:
     """Pairs of charts whose padding meets, and the faces where it does."""
     padding, threads = checked.options.padding, checked.options.threads
     covered = owners != NO_FACE
@@ -156,14 +154,14 @@ def _meeting(indices: IntArray, chart_of: IntArray, padding: int, axis: int) -> 
     owners = np.stack([first[rows, columns], second[rows, columns]]).astype(np.int64)
     next_rows, next_columns = rows + (axis == 0), columns + (axis == 1)
 
-    def near(owner: npt.NDArray[Any], row: npt.NDArray[Any], column: npt.NDArray[Any]) -> Any:
+    def near(owner: AnyArray, row: AnyArray, column: AnyArray) -> Any:
         return (owner // width - row) ** 2 + (owner % width - column) ** 2 <= padding**2
 
     meets = near(owners[1], rows, columns) | near(owners[0], next_rows, next_columns)
     return np.asarray(owners[:, meets])
 
 
-def faces_without_texel(checked: CheckedMesh, owners: TexelOwners) -> Finding | None:
+def faces_without_texel(checked: CheckedMesh, owners: IntArray) -> Finding | None:
     """Faces that own no texel only because of their size."""
     seen = np.zeros(checked.mesh.n_faces + 1, dtype=bool)
     seen[owners] = True  # NO_FACE is -1, and so the last entry
@@ -194,7 +192,7 @@ def low_texel_density(checked: CheckedMesh) -> Finding | None:
     )
 
 
-def texel_findings(checked: CheckedMesh, owners: TexelOwners) -> list[Finding | None]:
+def texel_findings(checked: CheckedMesh, owners: IntArray) -> list[Finding | None]:
     """All findings at the size of the texture, or only that nothing is covered."""
     if (owners == NO_FACE).all():  # there is nothing to bake to
         return [checked.finding("nothing-covered", 1)]

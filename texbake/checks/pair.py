@@ -15,7 +15,6 @@ import numpy as np
 
 from texbake.baking.texels import NO_FACE
 from texbake.checks.checked_mesh import CheckedMesh, Finding
-from texbake.checks.coordinates import TexelOwners
 from texbake.checks.kinds import CheckOptions
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
@@ -206,7 +205,7 @@ def high_is_coarser(pair: MeshPair) -> Finding | None:
     return pair.high.finding("high-is-coarser", int(high < low), high=high, low=low)
 
 
-def detail_below_texels(pair: MeshPair, owners: TexelOwners) -> Finding | None:
+def detail_below_texels(pair: MeshPair, owners: IntArray) -> Finding | None:
     """Whether a texel is much larger than a face of the high-poly mesh."""
     options = pair.low.options
     n_texels = int(np.count_nonzero(owners != NO_FACE))

@@ -11,7 +11,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, SampleGrid, rasterize_uv, snap_uvs
 from texbake.checks.checked_mesh import N_WORST, Finding
@@ -19,13 +18,11 @@ from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.mapping.layout import BACKGROUND, INK, LayoutWindow, linear, text_coverage
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 
 if TYPE_CHECKING:
     from texbake.checks.check import CheckReport
 
-
-Picture = npt.NDArray[np.float32]
 
 # sRGB-encoded: red, amber, blue.
 COLORS = {"error": (0.85, 0.10, 0.12), "warning": (0.90, 0.55, 0.00), "note": (0.15, 0.40, 0.85)}
@@ -39,7 +36,7 @@ _FRAME_DARKNESS = 0.3
 _COLUMNS = 3
 
 
-def draw_findings(report: CheckReport, size: int) -> Picture:
+def draw_findings(report: CheckReport, size: int) -> Float32Array:
     """Draw findings in the texture of the low-poly mesh; see `CheckReport.picture`."""
     mesh = report.low
     if mesh is None or not report.has_layout:
@@ -66,7 +63,7 @@ def draw_findings(report: CheckReport, size: int) -> Picture:
     return tiled(panels)
 
 
-def tiled(panels: list[Picture], columns: int = _COLUMNS) -> Picture:
+def tiled(panels: list[Float32Array], columns: int = _COLUMNS) -> Float32Array:
     """Arrange pictures of equal size in rows and columns on a white background."""
     columns = min(columns, len(panels))
     n_rows = math.ceil(len(panels) / columns)
@@ -80,7 +77,7 @@ def tiled(panels: list[Picture], columns: int = _COLUMNS) -> Picture:
     return sheet
 
 
-def ring(picture: Picture, x: float, y: float, color: FloatArray) -> None:
+def ring(picture: Float32Array, x: float, y: float, color: FloatArray) -> None:
     """Draw a ring about a point, in pixels from the upper left corner, clipped to the picture."""
     radius, half = _RING_PX
     extent = int(radius + half) + 2
@@ -103,7 +100,7 @@ def _shape(report: CheckReport, size: int) -> tuple[int, int]:
     return max(1, round(size * width / longer)), max(1, round(size * height / longer))
 
 
-def _pale_layout(owners: IntArray, charts: IntArray) -> Picture:
+def _pale_layout(owners: IntArray, charts: IntArray) -> Float32Array:
     """Draw gray charts, with their outlines and faint triangles, from the owners of samples."""
     chart_of = np.where(owners == NO_FACE, NO_FACE, charts[owners])
     shades = np.where(owners == NO_FACE, BACKGROUND[0], _FILL)
@@ -128,7 +125,9 @@ def _pixel_owners(mesh: Mesh, window: LayoutWindow, threads: int | None) -> IntA
     return rasterize_uv(faces, grid, threads=threads)[0]
 
 
-def _panel(base: Picture, finding: Finding, owners: IntArray, pixels: FloatArray) -> Picture:
+def _panel(
+    base: Float32Array, finding: Finding, owners: IntArray, pixels: FloatArray
+) -> Float32Array:
     """Draw the faces of one finding over the layout."""
     height, width = base.shape[:2]
     flagged = np.zeros(len(pixels) + 1, dtype=np.float32)  # NO_FACE is -1, and so the last entry
@@ -147,7 +146,7 @@ def _panel(base: Picture, finding: Finding, owners: IntArray, pixels: FloatArray
             there = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
             coverage[rows[there], columns[there]] = 1.0
     color = linear(COLORS[finding.severity])
-    picture: Picture = base + coverage[:, :, None] * (color.astype(np.float32) - base)
+    picture: Float32Array = base + coverage[:, :, None] * (color.astype(np.float32) - base)
     for x, y in middles[:N_WORST].tolist():
         ring(picture, x, y, linear(INK))
     for side in (picture[0], picture[-1], picture[:, 0], picture[:, -1]):
@@ -155,7 +154,9 @@ def _panel(base: Picture, finding: Finding, owners: IntArray, pixels: FloatArray
     return picture
 
 
-def _captioned(picture: Picture, caption: str, color: tuple[float, float, float]) -> Picture:
+def _captioned(
+    picture: Float32Array, caption: str, color: tuple[float, float, float]
+) -> Float32Array:
     """Put a line of text above a picture."""
     height, width = picture.shape[:2]
     size = max(11, min(width // 26, 28))

@@ -28,7 +28,7 @@ from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import unmeasurable_size
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, frozen
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, Int64Array, IntArray, frozen
 from texbake.mesh.topology import next_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import weld_rows
@@ -188,7 +188,7 @@ def _near_pairs(points: FloatArray, distance: float) -> tuple[Int64Array, Int64A
     return np.concatenate(ones), np.concatenate(others)
 
 
-def _pair_keys(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> Int64Array:
+def _pair_keys(one: AnyArray, other: AnyArray) -> Int64Array:
     """One integer for each unordered pair of vertices."""
     low, high = np.minimum(one, other).astype(np.int64), np.maximum(one, other)
     return np.asarray((low << 31) | high)

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.result import BakedMap, BakeResult
 from texbake.jobs.light_images import Picture
@@ -22,7 +21,7 @@ from texbake.jobs.material_transfer import (
     transferred_channels,
 )
 from texbake.mesh.materials import CHANNELS, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import ByteArray, Mesh
 from texbake.records import dataclass
 
 _MOST_VARIANTS = 8  # that are baked
@@ -167,7 +166,7 @@ class MaterialBaker:
         )  # fmt: skip
         return {**(default or {}), **made}
 
-    def _keep(self, name: str, codes: npt.NDArray[np.uint8], is_color: bool) -> bytes:
+    def _keep(self, name: str, codes: ByteArray, is_color: bool) -> bytes:
         is_normal = name.endswith("_normal")
         self.pictures.append(Picture(name, codes, is_color, is_normal=is_normal))
         return b""

@@ -22,16 +22,16 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import OptionError
 from texbake.files import PathLike, scratch_folder
 from texbake.jobs.light_images import Picture, coded_pictures, decoded, squared_errors, with_files
 from texbake.jobs.light_models import LightModel, Source
 from texbake.mesh.materials import Materials
+from texbake.mesh.mesh import AnyArray
 from texbake.records import dataclass
 from texbake.rendering.compare_models import (
     ModelComparison,
@@ -383,7 +383,7 @@ def _weight(picture: Picture) -> float:
     return _COLOR if picture.is_color else _NORMAL if picture.is_normal else _OTHER
 
 
-def _squared(one: npt.NDArray[Any], other: npt.NDArray[Any], is_cut: bool) -> float:
+def _squared(one: AnyArray, other: AnyArray, is_cut: bool) -> float:
     """Mean of the squares of differences of codes."""
     colors, alpha = squared_errors(one, other, is_cut=is_cut)
     return colors if other.shape[2] == 3 else 0.75 * colors + 0.25 * alpha

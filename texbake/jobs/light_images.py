@@ -12,14 +12,13 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import require_library
 from texbake.mesh.files.conversion import media_type
 from texbake.mesh.materials import CHANNELS, ChannelImage, Materials
+from texbake.mesh.mesh import AnyArray, ByteArray, Float32Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.compare_models import psnr_db
@@ -27,8 +26,6 @@ from texbake.texture.encoding import decode_srgb, quantize_srgb, quantize_unsign
 from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
 from texbake.texture.material_images import image_codes
 from texbake.texture.pack import resized
-
-Codes = npt.NDArray[np.uint8]
 
 LEAST_DB = 40.0
 _QUALITIES = (30, 45, 60, 70, 80, 85, 90)
@@ -45,19 +42,19 @@ class Picture:
     """An image of a model before it is encoded."""
 
     name: str  # as in `ChannelImage`
-    codes: Codes  # (H, W, 3 or 4)
+    codes: ByteArray  # (H, W, 3 or 4)
     is_color: bool  # whether red, green and blue are coded in sRGB
     file: bytes = field(default=b"", repr=False)  # that it comes from, if it comes from one
     is_cut: bool = False  # whether alpha hides colors wherever the image is shown
     is_normal: bool = False  # whether red, green and blue are the components of normals
-    _smaller: dict[int, Codes] = field(default_factory=dict, repr=False)
+    _smaller: dict[int, ByteArray] = field(default_factory=dict, repr=False)
 
     @property
     def side(self) -> int:
         """The longer side in pixels."""
         return int(max(self.codes.shape[:2]))
 
-    def at_side(self, side: int) -> Codes:
+    def at_side(self, side: int) -> ByteArray:
         """Return the codes with a longer side of at most `side` pixels."""
         if side >= self.side:
             return self.codes
@@ -74,14 +71,12 @@ class Picture:
 
 
 @cache
-def _linear_values() -> npt.NDArray[np.float32]:
+def _linear_values() -> Float32Array:
     """(256,) linear values of sRGB codes."""
     return decode_srgb(np.arange(256, dtype=np.float32) / np.float32(255.0)).astype(np.float32)
 
 
-def squared_errors(
-    one: npt.NDArray[Any], other: npt.NDArray[Any], *, is_cut: bool
-) -> tuple[float, float]:
+def squared_errors(one: AnyArray, other: AnyArray, *, is_cut: bool) -> tuple[float, float]:
     """Mean squared differences of colors, by the alpha of `other` if it `is_cut`, and of alpha."""
     apart = one.astype(np.float32) - other
     apart *= apart  # exact for integer codes, also times alpha
@@ -94,12 +89,12 @@ def squared_errors(
     return next(totals) / (weight or 1.0), next(totals) / max(alpha.size, 1)
 
 
-def psnr(one: Codes, other: Codes, *, is_cut: bool = False) -> float:
+def psnr(one: ByteArray, other: ByteArray, *, is_cut: bool = False) -> float:
     """PSNR of 8-bit codes in dB, of colors or of alpha, whichever is less; infinite for equal."""
     return psnr_db(max(squared_errors(one, other, is_cut=is_cut)), 1)
 
 
-def decoded(data: bytes, n_components: int) -> Codes:
+def decoded(data: bytes, n_components: int) -> ByteArray:
     """(H, W, n) codes of an image file that `encode_image` wrote."""
     image = require_library("PIL.Image", "images")
     with image.open(io.BytesIO(data)) as opened:
@@ -121,7 +116,7 @@ def coded(picture: Picture, encoding: str, *, quality: int | None, side: int) ->
     return picture.file if is_kept and len(picture.file) <= len(data) else data
 
 
-def _of_least_quality(codes: Codes, encode: Callable[[int], bytes], is_cut: bool) -> bytes:
+def _of_least_quality(codes: ByteArray, encode: Callable[[int], bytes], is_cut: bool) -> bytes:
     first, last = 0, len(_QUALITIES) - 1
     found: dict[int, bytes] = {}
     while first < last:
@@ -175,7 +170,7 @@ def _cut_images(materials: Materials) -> set[str]:
     return cut - shown
 
 
-def _with_colors(pixels: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+def _with_colors(pixels: Float32Array) -> Float32Array:
     """(H, W, 3 or 4): the pixels of a gray image in all colors; alpha only where any is not 1."""
     n = pixels.shape[2]
     if n < 3:

@@ -19,7 +19,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.options import BakeOptions
 from texbake.baking.texel_values import ChartPadding
@@ -28,7 +27,7 @@ from texbake.errors import OptionError, UvError, counted
 from texbake.files import PathLike
 from texbake.jobs.static_light import LitSurface, StaticLight, is_static
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import FIRST_UV_SET, Float32Array, Mesh
+from texbake.mesh.mesh import FIRST_UV_SET, BoolArray, Float32Array, Mesh
 from texbake.parallel import run_bands
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
@@ -50,7 +49,7 @@ class LightMap:
     # (H, W, 3) float32; linear, not limited to 1, row 0 at the top; 0 outside the charts and their
     # padding.
     values: Float32Array
-    has_data: npt.NDArray[np.bool_]  # (H, W) bool; texels that a face covers
+    has_data: BoolArray  # (H, W) bool; texels that a face covers
     n_overlapping: int  # samples that several faces cover; each has the lighting of one of them
     n_outside: int  # faces that extend beyond the unit square; what lies outside is not baked
     # Further set of texture coordinates that it lies on; None for the first.

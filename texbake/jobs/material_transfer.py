@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.result import BakedMap
 from texbake.errors import first_few
@@ -19,15 +18,13 @@ from texbake.files import PathLike
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import ByteArray, Float32Array, IndexArray, IntArray, Mesh
 from texbake.mesh.rig import Rig
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, quantize_unsigned
 from texbake.texture.image_files import encode_image
-
-Float32Array = npt.NDArray[np.float32]
 
 # Pixels per side of an image of one value.
 _FLAT_SIZE = 4
@@ -132,7 +129,7 @@ class _Picture:
     """An image to be encoded, and the channels that are read from it."""
 
     name: str
-    codes: npt.NDArray[np.uint8]
+    codes: ByteArray
     is_color: bool
     # Each with the component at which it begins, and its factor.
     channels: tuple[tuple[str, int, float], ...]
@@ -143,7 +140,7 @@ def encoded_channels(
     materials: Materials,
     name: str,
     *,
-    encode: Callable[[str, npt.NDArray[np.uint8], bool], bytes] | None = None,
+    encode: Callable[[str, ByteArray, bool], bytes] | None = None,
     threads: int | None = None,
     whole: Iterable[str] = (),
     layouts: Sequence[ImageLayout] = LAYOUTS,
@@ -312,7 +309,7 @@ def _fitting(channels: dict[str, ChannelSource], kind: _Kind) -> dict[str, Chann
     return {name: found for name, found in channels.items() if name not in without}
 
 
-def _nearest_faces(low: Mesh, high: Mesh, threads: int | None) -> npt.NDArray[np.intp]:
+def _nearest_faces(low: Mesh, high: Mesh, threads: int | None) -> IndexArray:
     """(F,) face of the source nearest to the center of each face of a mesh."""
     frame = LocalFrame.around(high)
     tree = TriangleTree.build(frame.to_local(high.positions), high.faces, threads=threads)

@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.bake import bake
 from texbake.baking.options import BakeOptions
@@ -27,7 +26,7 @@ from texbake.baking.texture.options import PhotoOptions
 from texbake.baking.texture.photos import Photo, PhotoCamera, bake_photos
 from texbake.core import portable_math as pm
 from texbake.files import PathLike, replacing
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Float32Array, Mesh
 from texbake.mesh.shapes import orange, uv_sphere
 from texbake.progress import Progress, Stages
 from texbake.records import dataclass
@@ -89,7 +88,7 @@ class OrangeTurns:
 
     errors: tuple[TurnError, ...]  # by what is turned, then by method, then by angle
     # By what is turned, method or `high-poly mesh`, and angle; linear light.
-    pictures: dict[tuple[str, str, int], npt.NDArray[np.float32]]
+    pictures: dict[tuple[str, str, int], Float32Array]
 
     def along(self, turned: str, method: str) -> list[TurnError]:
         """Return the errors of one method by angle."""
@@ -217,7 +216,7 @@ def _photograph(truth: SceneObject, sphere: Mesh, threads: int | None) -> ImageT
     return _texture(baked.values)
 
 
-def _texture(values: npt.NDArray[np.float32], filter_: str = "bilinear") -> ImageTexture:
+def _texture(values: Float32Array, filter_: str = "bilinear") -> ImageTexture:
     return ImageTexture(image=values, filter=filter_, wrap="repeat")
 
 

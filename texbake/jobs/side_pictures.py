@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.checks.check import CheckReport
 from texbake.checks.checked_mesh import N_WORST, Finding
@@ -25,7 +24,7 @@ from texbake.mapping.layout import draw_layout
 from texbake.mapping.layout_svg import layout_svg
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.progress import Progress, Stages
 from texbake.rendering.camera import Camera
@@ -54,7 +53,7 @@ def render_checker(
     n_cells: int = N_CELLS,
     threads: int | None = None,
     progress: Progress = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """(H, W, 3) linear picture from four sides with a numbered checker, cropped."""
     mesh = as_mesh(mesh)
     options = options or CHECKER_PICTURE
@@ -137,7 +136,7 @@ def render_findings(
     *,
     threads: int | None = None,
     progress: Progress = None,
-) -> npt.NDArray[np.float32]:
+) -> Float32Array:
     """(H, W, 3) picture from four sides with the faces of each finding in color."""
     options = options or FINDINGS_PICTURE
     shown = [finding for finding in report.findings if len(finding.faces)]
@@ -156,9 +155,7 @@ def render_findings(
     return np.concatenate(padded)
 
 
-def _row(
-    mesh: Mesh, finding: Finding, options: RenderOptions, threads: int | None
-) -> npt.NDArray[np.float32]:
+def _row(mesh: Mesh, finding: Finding, options: RenderOptions, threads: int | None) -> Float32Array:
     """Four sides of one mesh with the faces of one finding."""
     colored = _colored(mesh, finding)
     albedo = decode_srgb(np.array([[_SURFACE, COLORS[finding.severity]]])).astype(np.float32)

@@ -6,14 +6,12 @@ A mapping may cover one group of faces alone; the other faces then keep the coor
 from __future__ import annotations
 
 from dataclasses import field, replace
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError, UvError
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.weld import unique_rows
 from texbake.records import dataclass
 
@@ -77,7 +75,7 @@ def faces_of_group(mesh: Mesh, name: str) -> BoolArray:
 def selected(mesh: Mesh, chosen: BoolArray) -> Mesh:
     """Mesh of the chosen faces; all vertices stay, used or not."""
 
-    def kept(by_face: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
+    def kept(by_face: AnyArray | None) -> AnyArray | None:
         return None if by_face is None else by_face[chosen]
 
     return mesh.replace(

@@ -13,7 +13,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import UvError, require_library
@@ -209,8 +208,6 @@ def text_coverage(text: str, size: int) -> Float32Array:
     return coverage.astype(np.float32, copy=False)
 
 
-LayoutPixels = npt.NDArray[np.float32]
-
 SAMPLES = 4  # along each side of a pixel, as in `core/scanline_coverage.c`
 
 _BAND = 128  # rows drawn by one thread at a time
@@ -226,7 +223,7 @@ def draw_layout(
     *,
     heat: bool = False,
     threads: int | None = None,
-) -> LayoutPixels:
+) -> Float32Array:
     """Draw the texture coordinates of a mesh.
 
     The picture shows the unit square and whatever lies outside it. If there are several tiles,
@@ -308,7 +305,7 @@ def _inked(lines: FloatArray, width: float, top: int, shape: tuple[int, int]) ->
     return np.asarray(bits.sum(axis=2)[:, :, None] / SAMPLES**2)
 
 
-def _write_tile_names(picture: LayoutPixels, window: LayoutWindow) -> None:
+def _write_tile_names(picture: Float32Array, window: LayoutWindow) -> None:
     """Draw the name of each tile into its lower left corner."""
     if window.tile_side < _LEAST_NUMBERED_PX:
         return
@@ -323,7 +320,7 @@ def _write_tile_names(picture: LayoutPixels, window: LayoutWindow) -> None:
         _stamp(picture, ink, left + margin, top + margin)
 
 
-def _legend(width: int) -> LayoutPixels:
+def _legend(width: int) -> Float32Array:
     """Scale of stretch for below the picture: a bar, with figures under it and words beside it."""
     size = legend_size(width)
     strip = np.empty((3 * size, width, 3), dtype=np.float32)
@@ -348,7 +345,7 @@ def _legend(width: int) -> LayoutPixels:
 
 
 def _stamp(
-    picture: LayoutPixels, ink: LayoutPixels, left: int, top: int, color: FloatArray | None = None
+    picture: Float32Array, ink: Float32Array, left: int, top: int, color: FloatArray | None = None
 ) -> None:
     """Blend ink into a picture, clipped to it; dark unless a color is given."""
     height, width = picture.shape[:2]

@@ -38,11 +38,10 @@ from texbake.mapping.layout import (
 )
 from texbake.mapping.seams import border_edges, chart_ids, seam_edges
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import Int64Array, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-Points = npt.NDArray[np.int64]
 Ids = npt.NDArray[np.integer[Any]]
 
 # Units per pixel: whole numbers of these are fine enough to zoom in.
@@ -81,7 +80,9 @@ def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool
     return head + "".join(parts) + "</svg>\n"
 
 
-def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool) -> Iterator[str]:
+def _filled(
+    mesh: Mesh, points: Int64Array, size: int | tuple[int, int], heat: bool
+) -> Iterator[str]:
     """Layers of filled faces: by chart or by color of the heat map, and mirrored faces."""
     charts = chart_ids(mesh)
     levels = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
@@ -107,7 +108,7 @@ def _filled(mesh: Mesh, points: Points, size: int | tuple[int, int], heat: bool)
         yield _layer("mirrored", [f'<path fill="{_hex(MIRRORED)}" d="{data}"/>\n'])
 
 
-def _outlines(points: Points, groups: Ids) -> Iterator[str]:
+def _outlines(points: Int64Array, groups: Ids) -> Iterator[str]:
     """Path data of the loops around what the faces of each group cover, by the nonzero rule."""
     ids, tails, heads = _ends(np.stack([points, np.roll(points, -1, axis=1)], axis=2))
     owners = np.repeat(groups, 3)
@@ -136,7 +137,7 @@ def _outlines(points: Points, groups: Ids) -> Iterator[str]:
         begin = stop
 
 
-def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
+def _strokes(name: str, ends: Int64Array, width: float, darkness: float) -> str:
     """Layer of lines between pairs of points, each drawn once."""
     ids, tails, heads = _ends(ends)
     keys = np.unique(np.minimum(tails, heads) * len(ids) + np.maximum(tails, heads))
@@ -151,7 +152,7 @@ def _strokes(name: str, ends: Points, width: float, darkness: float) -> str:
     return _layer(name, [f'<path d="{data}"/>\n'] if data else [], look)
 
 
-def _ends(ends: Points) -> tuple[Points, Points, Points]:
+def _ends(ends: Int64Array) -> tuple[Int64Array, Int64Array, Int64Array]:
     """Distinct points, and the numbers of those where each line starts and ends."""
     flat = ends.reshape(-1, 2)
     firsts = weld_rows(flat.astype(np.int32))
@@ -164,11 +165,11 @@ def _ends(ends: Points) -> tuple[Points, Points, Points]:
 class _Walks:
     """Walks that together cover each of some lines once."""
 
-    places: Points  # (n,) int64; what the walks lead through, one walk after another
-    ends: Points  # (n_walks,) int64; where the places of each walk stop
+    places: Int64Array  # (n,) int64; what the walks lead through, one walk after another
+    ends: Int64Array  # (n_walks,) int64; where the places of each walk stop
 
     @classmethod
-    def along(cls, tails: Points, heads: Points, *, directed: bool) -> _Walks:
+    def along(cls, tails: Int64Array, heads: Int64Array, *, directed: bool) -> _Walks:
         """Build walks greedily along lines between numbered places; directed ones form loops."""
         n = len(tails)
         places, numbers = np.unique(np.concatenate([tails, heads]), return_inverse=True)
@@ -188,11 +189,11 @@ class _Walks:
         return cls(places[walked[: ends[-1] if n_walks else 0]], ends)
 
     @property
-    def starts(self) -> Points:
+    def starts(self) -> Int64Array:
         """(n_walks,) int64: where the places of each walk start."""
         return np.concatenate([[0], self.ends[:-1]])[: len(self.ends)]
 
-    def of_points(self, points: Points, *, closed: bool) -> list[str]:
+    def of_points(self, points: Int64Array, *, closed: bool) -> list[str]:
         """Path data of each walk through points (n, 2) of its places; "z" closes `closed` ones."""
         stops = np.empty(len(self.ends), dtype=np.int64)
         n_bytes = core.write_walks(points, self.ends, closed, None, stops)

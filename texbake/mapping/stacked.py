@@ -20,7 +20,7 @@ from texbake.errors import OptionError, quoted
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.frame import unit_scale
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.tangents import shading_tangents
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
@@ -126,9 +126,7 @@ class _Outlines:
     lengths: FloatArray  # (m,) float64; of each edge in space
 
     @classmethod
-    def of(
-        cls, uvs: FloatArray, mesh: Mesh, faces: npt.NDArray[np.intp], islands: IntArray
-    ) -> _Outlines:
+    def of(cls, uvs: FloatArray, mesh: Mesh, faces: IndexArray, islands: IntArray) -> _Outlines:
         """Find the outlines of the islands of some faces, which have the coordinates `uvs`."""
         ids = _places(uvs.reshape(-1, 2)).reshape(-1, 3)
         ends = np.stack([ids, np.roll(ids, -1, axis=1)], axis=2).reshape(-1, 2)

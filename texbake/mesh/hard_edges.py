@@ -28,7 +28,15 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.normals import (
     NORMAL_ROUNDING,
     angles_between,
@@ -48,8 +56,6 @@ from texbake.mesh.topology import (
 )
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
-
-HalfEdges = npt.NDArray[np.intp]
 
 # Cosines of the angle from which on an edge may be sharp, and of that which gentle curves stay
 # below; the share of ends of sharp edges that must run on, and of other edges that may turn more.
@@ -147,7 +153,7 @@ class LowNormals:
         return with_normals(low, "uv") if self.choice == "uv" else low
 
 
-def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[HalfEdges, HalfEdges]:
+def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[IndexArray, IndexArray]:
     """(E,) both half-edges of each edge across which a surface, or a region of it, continues."""
     places = weld_vertices(mesh)[mesh.faces]
     everywhere = np.ones(mesh.n_faces, dtype=np.bool_)
@@ -158,7 +164,7 @@ def inner_edges(mesh: Mesh, regions: IntArray | None = None) -> tuple[HalfEdges,
     return one, opposite[one].astype(np.intp)
 
 
-def hardened(mesh: Mesh, one: HalfEdges, other: HalfEdges, is_hard: BoolArray) -> Mesh:
+def hardened(mesh: Mesh, one: IndexArray, other: IndexArray, is_hard: BoolArray) -> Mesh:
     """Return a mesh with normals hard at some `inner_edges`, but not inside polygons."""
     if mesh.polygon_of is not None:
         is_hard = is_hard & (mesh.polygon_of[one // 3] != mesh.polygon_of[other // 3])
@@ -181,7 +187,7 @@ def has_hard_edges(mesh: Mesh, *, threads: int | None = None) -> bool:
     return bool(normals_jump(mesh, *inner_edges(mesh)).any())
 
 
-def normals_jump(mesh: Mesh, one: HalfEdges, other: HalfEdges) -> BoolArray:
+def normals_jump(mesh: Mesh, one: IndexArray, other: IndexArray) -> BoolArray:
     """(E,) bool: edges whose faces have normals more than a degree apart at either end."""
     assert mesh.normals is not None
     assert mesh.normal_faces is not None
@@ -219,7 +225,7 @@ class Polygons:
     sizes: Int64Array  # (P,) int64; corners of each polygon, in the order of `vertices`
 
     @classmethod
-    def of(cls, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]) -> Polygons:
+    def of(cls, vertices: AnyArray, sizes: AnyArray) -> Polygons:
         """Return polygons by integers of any type."""
         return cls(vertices.astype(np.int64), sizes.astype(np.int64))
 

@@ -7,7 +7,6 @@ import sys
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import (
@@ -21,7 +20,7 @@ from texbake.errors import (
 )
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts
-from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Mesh
 from texbake.mesh.weld import split_vertices, values_of_vertices
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def as_mesh(value: MeshLike) -> Mesh:
     return from_trimesh(value)
 
 
-def plain_array(value: Any, name: str) -> npt.NDArray[Any]:
+def plain_array(value: Any, name: str) -> AnyArray:
     """Return numbers of NumPy, torch or a similar library as an array, without a copy if possible.
 
     >>> plain_array([1.0, 2.0], "values").tolist()

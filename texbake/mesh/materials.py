@@ -19,13 +19,20 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, first_few, warn_of
 from texbake.files import PathLike
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh, frozen
+from texbake.mesh.mesh import (
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IndexArray,
+    IntArray,
+    Mesh,
+    frozen,
+)
 from texbake.records import dataclass
 
 # Rows of a matrix that takes (u, v, 1) to (u, v) of an image.
@@ -250,9 +257,7 @@ class Materials:
         """Return lines about what is missing: the first few, and how many more."""
         return first_few(line for _, line in self.missing)
 
-    def of_faces(
-        self, chosen: BoolArray | npt.NDArray[np.intp], uv_rows: npt.NDArray[np.intp]
-    ) -> Materials:
+    def of_faces(self, chosen: BoolArray | IndexArray, uv_rows: IndexArray) -> Materials:
         """Return the materials of chosen faces, whose mesh keeps some rows of `uvs`."""
         sets = {number: coordinates[uv_rows] for number, coordinates in self.uv_sets.items()}
         return replace(self, face_materials=self.face_materials[chosen], uv_sets=sets)

@@ -25,6 +25,9 @@ FloatArray = npt.NDArray[np.float64]
 Float32Array = npt.NDArray[np.float32]
 IntArray = npt.NDArray[np.int32]
 Int64Array = npt.NDArray[np.int64]
+IndexArray = npt.NDArray[np.intp]
+ByteArray = npt.NDArray[np.uint8]
+AnyArray = npt.NDArray[Any]
 
 # Vertices, and half-edges, three per face, are numbered with int32.
 MAX_CORNERS = 2**31 - 1

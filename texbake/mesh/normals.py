@@ -9,15 +9,13 @@ names the sources: `core/vertex_normals.c`.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.weld import unique_rows
 from texbake.parallel import resolve_threads, run_bands
@@ -233,7 +231,7 @@ def vertex_curvatures(
         return np.asarray((turns / areas)[firsts] * frame.scale)
 
 
-def angles_between(one: npt.NDArray[Any], other: npt.NDArray[Any]) -> FloatArray:
+def angles_between(one: AnyArray, other: AnyArray) -> FloatArray:
     """(n,) radians between unit vectors (n, 3); 0 where one of the two is zero."""
     # 2 asin of half the chord: exact for small angles, where the cosine is not.
     chords = pm.norm(one - other, axis=1) / 2.0

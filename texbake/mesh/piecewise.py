@@ -8,11 +8,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.mesh.decimate import VertexStream, boundary_fits, open_vertices, with_three_places
-from texbake.mesh.mesh import Float32Array
+from texbake.mesh.mesh import ByteArray, Float32Array, IndexArray
 from texbake.mesh.triangle_tree import morton_order
 from texbake.parallel import run_bands
 
@@ -83,7 +82,7 @@ def reduce_pieces(
     gone, kept = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
     errors, n_gone = np.empty(n, dtype=np.float32), np.empty(n, dtype=np.uint8)
 
-    def collapse(pieces: npt.NDArray[np.intp], most_error: float) -> None:
+    def collapse(pieces: IndexArray, most_error: float) -> None:
         def work(first: int, last: int) -> None:
             for start in pieces[first:last] * piece:
                 stop = min(start + piece, n)
@@ -119,7 +118,7 @@ def _is_crowded(stream: VertexStream) -> bool:
     return bool(core.count_looks(len(points), vertex_of, stream.faces, _CROWD) > _MOST_LOOKS)
 
 
-def _error_limit(errors: Float32Array, n_gone: npt.NDArray[np.uint8], n_wanted: int) -> float:
+def _error_limit(errors: Float32Array, n_gone: ByteArray, n_wanted: int) -> float:
     """Error up to which collapses take about `n_wanted` faces away, or all that are finite."""
     bins = np.zeros(1 << (32 - _ERROR_SHIFT), dtype=np.int64)  # floats from 0 sort as their bits
     n_bins = core.add_by_error(errors, n_gone, _ERROR_SHIFT, bins)

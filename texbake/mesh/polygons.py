@@ -6,15 +6,12 @@ of the two axes that are farthest from the polygon's normal. Kernel: `core/ear_c
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import counted, warn_of
 from texbake.files import PathLike
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -22,7 +19,7 @@ from texbake.records import dataclass
 _BAND = 1 << 14  # polygons
 
 
-def polygon_of_triangles(sizes: npt.NDArray[Any]) -> Int64Array:
+def polygon_of_triangles(sizes: AnyArray) -> Int64Array:
     """(F,) the polygon of each triangle: a polygon of n corners has n - 2, none if n < 3."""
     return np.repeat(np.arange(len(sizes)), np.maximum(sizes.astype(np.int64) - 2, 0))
 
@@ -37,7 +34,7 @@ def next_corners(sizes: Int64Array) -> Int64Array:
 
 
 def triangulated(
-    path: PathLike, positions: FloatArray, vertices: npt.NDArray[Any], sizes: npt.NDArray[Any]
+    path: PathLike, positions: FloatArray, vertices: AnyArray, sizes: AnyArray
 ) -> tuple[Int64Array, Int64Array]:
     """Cut polygons into triangles: corners (F, 3) and the polygon (F,) of each; warn of bad ones.
 

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.compose import excerpt, join_parts
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.objects import one_group_a_node, weld_vertices
 from texbake.mesh.topology import face_components
 from texbake.records import dataclass
@@ -98,7 +97,7 @@ class RepeatedParts:
         """Find the copies in a mesh whose groups are its nodes."""
         part_of, _ = face_components(weld_vertices(mesh)[mesh.faces], mesh.n_vertices)
         order = np.argsort(part_of, kind="stable")
-        alike: dict[bytes, list[npt.NDArray[np.intp]]] = {}
+        alike: dict[bytes, list[IndexArray]] = {}
         for faces in np.split(order, np.flatnonzero(np.diff(part_of[order])) + 1):
             alike.setdefault(looks.materials[faces].tobytes(), []).append(faces)
         _, exponent = np.frexp(np.abs(mesh.positions).max(initial=0.0))
@@ -122,9 +121,7 @@ class RepeatedParts:
         return found if found.copies else None
 
     @classmethod
-    def _apart(
-        cls, source: Mesh, found: Sequence[tuple[npt.NDArray[np.intp], FloatArray]]
-    ) -> RepeatedParts:
+    def _apart(cls, source: Mesh, found: Sequence[tuple[IndexArray, FloatArray]]) -> RepeatedParts:
         """Make groups of parts, given by the faces of each kind (n, k) and their matrices."""
         names, objects = source.group_names or (source.name,), source.group_objects
         groups = np.zeros(source.n_faces, np.int32)
@@ -190,7 +187,7 @@ class RepeatedParts:
 
     def _placed(
         self, low: Mesh, pieces: Sequence[tuple[int, int, FloatArray]]
-    ) -> tuple[Mesh, npt.NDArray[np.intp]]:
+    ) -> tuple[Mesh, IndexArray]:
         """Join what has no copies and pieces: a group to take, one to put it in, and its matrix."""
         groups = _groups(low)
         repeated = [number for each in self.copies for number in each.numbers]
@@ -228,15 +225,13 @@ class _Parts:
 
     mesh: Mesh
     looks: Looks
-    faces: npt.NDArray[np.intp]  # (n, k)
+    faces: IndexArray  # (n, k)
     centers: FloatArray  # (n, 3)
     sizes: FloatArray  # (n,); greatest distances from the centers; 0 where there is no shape
     arms: FloatArray  # (n, k, 3, 3); of the corners, from the centers, over the sizes
 
     @classmethod
-    def of(
-        cls, mesh: Mesh, points: FloatArray, faces: npt.NDArray[np.intp], looks: Looks
-    ) -> _Parts:
+    def of(cls, mesh: Mesh, points: FloatArray, faces: IndexArray, looks: Looks) -> _Parts:
         """Measure parts in a mesh whose vertices lie at `points`, of moderate size."""
         arms = points[mesh.faces[faces]].reshape(len(faces), -1, 3)
         n_points = arms.shape[1]
@@ -246,7 +241,7 @@ class _Parts:
         arms /= np.where(sizes > 0.0, sizes, 1.0)[:, None, None]
         return cls(mesh, looks, faces, centers, sizes, arms.reshape(*faces.shape, 3, 3))
 
-    def kinds(self) -> list[tuple[npt.NDArray[np.intp], FloatArray]]:
+    def kinds(self) -> list[tuple[IndexArray, FloatArray]]:
         """Return numbers of parts that are copies of one another, largest first, with matrices."""
         keys, slack = self._keys()
         order = np.argsort(keys, axis=0, kind="stable")
@@ -300,12 +295,10 @@ class _Parts:
     def _has_tiles(self) -> bool:
         return bool(self.looks.has_tiles[self.faces[0]].all())
 
-    def _copies(
-        self, first: int, near: npt.NDArray[np.intp], step: int
-    ) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    def _copies(self, first: int, near: IndexArray, step: int) -> tuple[IndexArray, FloatArray]:
         """Return parts that are copies of a part, mirrored for `step` -1, and (n, 4, 4) motions."""
 
-        def of_both(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        def of_both(rows: AnyArray) -> tuple[AnyArray, AnyArray]:
             return rows[self.faces[first]], rows[self.faces[near]][:, :, ::step]
 
         (uvs, others), (colors, of_near) = map(of_both, (self.looks.uvs, self.looks.colors))
@@ -341,7 +334,7 @@ class _Parts:
         return near, maps
 
 
-def _most(rows: npt.NDArray[Any]) -> FloatArray:
+def _most(rows: AnyArray) -> FloatArray:
     return np.asarray(np.abs(rows).max(axis=(1, 2, 3), initial=0.0))
 
 
@@ -352,13 +345,13 @@ def _frames(far: FloatArray, wide: FloatArray, sign: int) -> FloatArray:
     return np.stack([axes, np.cross(normals, axes), sign * normals], axis=2)
 
 
-def _are_turned(one: npt.NDArray[Any], others: npt.NDArray[Any], maps: FloatArray) -> BoolArray:
+def _are_turned(one: AnyArray, others: AnyArray, maps: FloatArray) -> BoolArray:
     """(n,) bool: whether maps (n, m, m) take directions (k, 3, m) to others (n, k, 3, m)."""
     moved = pm.matmul(_units(one).reshape(-1, one.shape[-1]), maps.swapaxes(1, 2))
     apart = pm.norm(moved - _units(others).reshape(moved.shape), axis=2)
     return np.asarray(apart.max(axis=1, initial=0.0) <= _TURNED)
 
 
-def _units(vectors: npt.NDArray[Any]) -> FloatArray:
+def _units(vectors: AnyArray) -> FloatArray:
     lengths = pm.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / np.where(lengths > 0.0, lengths, 1.0))

@@ -20,12 +20,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.files import PathLike
 from texbake.mesh.deformation import Deformation
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.records import dataclass
 
 # Least determinant of a map with columns of length 1 that is inverted: float64 leaves four digits.
@@ -126,7 +125,7 @@ class Rig:
     """Nodes of a file and what refers to them, as in glTF; accessors are numbers of `arrays`."""
 
     content: Mapping[str, Any]
-    arrays: Mapping[int, npt.NDArray[np.float32]] = field(default_factory=dict)  # each (n, width)
+    arrays: Mapping[int, Float32Array] = field(default_factory=dict)  # each (n, width)
     objects: Mapping[int, RigObject]  # by the numbers of `Mesh.group_objects`
     has_morph_normals: bool = False
     passed_over: tuple[str, ...] = ()  # what else is in the file, such as `2 cameras`

@@ -35,7 +35,16 @@ import numpy.typing as npt
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame, unit_scale
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.polygons import outlines
 from texbake.mesh.topology import edge_keys
@@ -133,11 +142,7 @@ def _squares(vectors: AnyArray) -> AnyArray:
 
 
 def agree(
-    quads: Quads,
-    solid: npt.NDArray[np.intp],
-    uvs: AnyArray,
-    unmapped: BoolArray,
-    preserving: BoolArray,
+    quads: Quads, solid: IndexArray, uvs: AnyArray, unmapped: BoolArray, preserving: BoolArray
 ) -> None:
     """Give both halves of a quadrilateral one orientation, in place, in arrays of `solid` (n,)."""
     at = np.searchsorted(solid, quads.firsts)
@@ -225,8 +230,6 @@ def _fill_missing(
     is_x = (without_fan & ~along_x)[:, None] | (lengths == 0.0)
     tangents[missing] = np.where(is_x, [1.0, 0.0, 0.0], across / np.where(is_x, 1.0, lengths))
 
-
-AnyArray = npt.NDArray[Any]
 
 # What the reference takes for zero: the least normal float32, compared with areas and squared
 # lengths of things that are at most about 1.
@@ -320,10 +323,7 @@ def _arc_cosines(cosines: AnyArray) -> AnyArray:
 
 
 def _copy_to_collapsed(
-    vertices: IntArray,
-    solid: npt.NDArray[np.intp],
-    collapsed: npt.NDArray[np.intp],
-    *per_corner: AnyArray,
+    vertices: IntArray, solid: IndexArray, collapsed: IndexArray, *per_corner: AnyArray
 ) -> None:
     """Give corners of collapsed faces, in place, what the first solid corner of the vertex has."""
     if len(collapsed) == 0:

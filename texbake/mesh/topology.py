@@ -18,7 +18,15 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.weld import later_copies, unique_rows, weld_rows
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -99,7 +107,7 @@ def edge_neighbors(faces: IntArray) -> EdgeNeighbors:
     return EdgeNeighbors(first[:n_pairs], second[:n_pairs], agree[:n_pairs], others[:n_others])
 
 
-def edge_keys(tails: npt.NDArray[Any], heads: npt.NDArray[Any]) -> Int64Array:
+def edge_keys(tails: AnyArray, heads: AnyArray) -> Int64Array:
     """(...) int64 numbers of half-edges, equal for those of one edge, in the order of its ends."""
     return np.asarray(np.minimum(tails, heads).astype(np.int64) << 32 | np.maximum(tails, heads))
 
@@ -290,9 +298,7 @@ def opposite_half_edges(
     return opposite
 
 
-def _pairs_within(
-    labels: IntArray, keys: Int64Array
-) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
+def _pairs_within(labels: IntArray, keys: Int64Array) -> tuple[IndexArray, IndexArray]:
     """Indices of pairs of equal keys with one label, where no third key is the same."""
     order = np.lexsort((keys, labels))
     differs = (np.diff(keys[order]) != 0) | (np.diff(labels[order]) != 0)

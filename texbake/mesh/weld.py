@@ -11,20 +11,27 @@ of a stack of equal triangles meets all of them, and no tree of boxes can divide
 from __future__ import annotations
 
 import os
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.parallel import run_bands
 
 _PART_BITS = 4
 _SMALL = 1 << 14  # rows up to which parts and threads cost more than they bring
 
 
-def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray:
+def weld_rows(rows: AnyArray, *, threads: int | None = None) -> IntArray:
     """(N,) int32: first row that equals each row of (N, K) float64, float32 or int32."""
     rows = np.ascontiguousarray(rows)
     negative_zero = rows.view(f"u{rows.itemsize}") == 1 << (8 * rows.itemsize - 1)
@@ -56,7 +63,7 @@ def weld_rows(rows: npt.NDArray[Any], *, threads: int | None = None) -> IntArray
     return firsts
 
 
-def unique_rows(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[np.intp], IntArray]:
+def unique_rows(rows: AnyArray) -> tuple[IndexArray, IntArray]:
     """Places of the first of equal rows, in order, and the number of each row among them.
 
     >>> unique_rows(np.array([[1.0], [2.0], [1.0]]))
@@ -69,7 +76,7 @@ def unique_rows(rows: npt.NDArray[Any]) -> tuple[npt.NDArray[np.intp], IntArray]
 
 
 def unique_corners(
-    vertices: npt.NDArray[np.integer], values: npt.NDArray[Any]
+    vertices: npt.NDArray[np.integer], values: AnyArray
 ) -> tuple[FloatArray, IntArray]:
     """Distinct values of each vertex (n, K), and the number of each corner's, as `vertices`."""
     rows = np.concatenate([vertices.reshape(-1, 1), values], axis=1, dtype=np.float64)
@@ -106,9 +113,7 @@ def split_vertices(mesh: Mesh) -> tuple[Int64Array, Int64Array, IntArray]:
     return rows, corners, faces
 
 
-def values_of_vertices(
-    values: npt.NDArray[Any], ids: IntArray, corners: Int64Array
-) -> npt.NDArray[Any]:
+def values_of_vertices(values: AnyArray, ids: IntArray, corners: Int64Array) -> AnyArray:
     """(n, K) values of the `corners` that `split_vertices` returns; 0 where no face is."""
     by_vertex = values[ids.ravel()[corners]]
     by_vertex[corners < 0] = 0.0
@@ -143,7 +148,7 @@ def without_copies(
     return kept
 
 
-def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> BoolArray:
+def later_copies(rows: AnyArray, *, n_kept: int = 1) -> BoolArray:
     """(n,) bool: rows (n, K) that equal `n_kept` or more rows before them; one or two are kept."""
     firsts = weld_rows(rows)
     later = firsts != np.arange(len(rows))
@@ -153,6 +158,6 @@ def later_copies(rows: npt.NDArray[Any], *, n_kept: int = 1) -> BoolArray:
     return np.asarray(later)
 
 
-def row_sums(numbers: npt.NDArray[Any], rows: FloatArray, n: int) -> FloatArray:
+def row_sums(numbers: AnyArray, rows: FloatArray, n: int) -> FloatArray:
     """(n, K) sums of the rows of each number."""
     return np.stack([np.bincount(numbers, column, n) for column in rows.T], axis=1)

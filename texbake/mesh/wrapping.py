@@ -22,13 +22,12 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import MeshError
 from texbake.mesh.distance import sample_surface
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import BoolArray, ByteArray, Float32Array, Mesh
 from texbake.mesh.objects import face_objects, weld_vertices
 from texbake.mesh.options import AUTO, RemeshOptions
 from texbake.mesh.remesh import looks_open, remesh, remesh_with_thinness
@@ -52,10 +51,6 @@ from texbake.records import dataclass
 # that the surface around them needs.
 CLOSINGS: Final = (0.01, 0.02, 0.03, 0.05, 0.08)
 _CARVING = 0.008
-
-Labels = npt.NDArray[np.uint8]
-BoolArray = npt.NDArray[np.bool_]
-FloatArray32 = npt.NDArray[np.float32]
 
 
 def remesh_with_few_tunnels(
@@ -96,7 +91,7 @@ def _closed(
     labels = band.labels(threads=threads)
     solid, field, thin = _flooded(band, labels, 0.0, threads)
 
-    def flooded(width: float) -> tuple[BoolArray, FloatArray32, BoolArray]:
+    def flooded(width: float) -> tuple[BoolArray, Float32Array, BoolArray]:
         radius = width * diagonal / 2.0 - SHELL_DEPTH
         wide, wide_field, wide_thin = _flooded(band, labels, radius, threads)
         return wide | solid, wide_field, wide_thin
@@ -123,8 +118,8 @@ def _closed(
 
 
 def _flooded(
-    band: Band, labels: Labels, radius: float, threads: int | None
-) -> tuple[BoolArray, FloatArray32, BoolArray]:
+    band: Band, labels: ByteArray, radius: float, threads: int | None
+) -> tuple[BoolArray, Float32Array, BoolArray]:
     """Close gaps that a ball does not pass; return solid points, the field and its thin points."""
     labels = labels.copy()
     flood_outside(labels, max(radius, 0.0), None, threads=threads)

@@ -11,12 +11,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.mesh.compose import excerpt
 from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import BoolArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, IndexArray, Int64Array, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import face_components
 from texbake.raycast.orientation import cast_from, cosine_directions, points_allowed, points_in
@@ -79,7 +78,7 @@ def _is_turned(mesh: Mesh, parts: IntArray, n_parts: int) -> BoolArray:
     return np.bincount(parts, (a * np.cross(b, c)).sum(axis=1), minlength=n_parts) < 0.0
 
 
-def _in_chunks(faces: npt.NDArray[np.intp], counts: Int64Array) -> Iterator[npt.NDArray[np.intp]]:
+def _in_chunks(faces: IndexArray, counts: Int64Array) -> Iterator[IndexArray]:
     """Yield the face of each ray, some at a time."""
     chunks = np.cumsum(counts) // _RAYS_AT_ONCE
     for part in np.split(np.arange(len(faces)), np.flatnonzero(np.diff(chunks)) + 1):
@@ -87,7 +86,7 @@ def _in_chunks(faces: npt.NDArray[np.intp], counts: Int64Array) -> Iterator[npt.
 
 
 def _first_hits(
-    mesh: Mesh, scene: RayScene, faces: npt.NDArray[np.intp], random: np.random.Generator
+    mesh: Mesh, scene: RayScene, faces: IndexArray, random: np.random.Generator
 ) -> IntArray:
     """(2, n) int32: face that a ray from each side of each face meets; the mesh is in the frame."""
     origins = points_in(mesh, faces, random)

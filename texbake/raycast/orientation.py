@@ -17,14 +17,13 @@ import math
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import counted
 from texbake.mesh.compose import turned_over
 from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.topology import (
     EdgeNeighbors,
     against_most,
@@ -200,7 +199,7 @@ def _points(
     return _Points(of_points, positions, normals, left_out)
 
 
-def points_in(mesh: Mesh, faces: npt.NDArray[np.intp], random: np.random.Generator) -> FloatArray:
+def points_in(mesh: Mesh, faces: IndexArray, random: np.random.Generator) -> FloatArray:
     """(n, 3) float64: a random point of each face, evenly spread over its area."""
     root, second = np.sqrt(random.random(len(faces))), random.random(len(faces))
     weights = np.stack([1.0 - root, root * (1.0 - second), root * second], axis=1)

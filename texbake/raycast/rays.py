@@ -26,7 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, frozen
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IndexArray, IntArray, frozen
 from texbake.records import dataclass
 
 NO_HIT = -1
@@ -47,7 +47,7 @@ class Rows:
         """Return the rows that a mask, indices or a slice select; a slice gives views."""
         return type(self)(*(None if array is None else array[chosen] for array in self.arrays()))
 
-    def take(self, others: Self, rows: npt.NDArray[np.intp]) -> None:
+    def take(self, others: Self, rows: IndexArray) -> None:
         """Replace rows by those of others, in place."""
         for column, other in zip(self.arrays(), others.arrays(), strict=True):
             if column is not None:

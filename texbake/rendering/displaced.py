@@ -53,10 +53,9 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from texbake.mesh.weld import weld_rows
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -253,9 +252,7 @@ def _move_vertices(
     return positions
 
 
-def texel_lengths(
-    pieces: Pieces, texels: FloatArray | None, outside: npt.NDArray[np.uint8]
-) -> FloatArray:
+def texel_lengths(pieces: Pieces, texels: FloatArray | None, outside: ByteArray) -> FloatArray:
     """(E,) longest texels of each edge over its base triangles (F, 3, 2) not outside one side."""
     lengths = np.zeros(len(pieces.ends))
     core.measure_texel_lengths(

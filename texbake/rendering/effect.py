@@ -26,11 +26,8 @@ from dataclasses import field, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 from texbake.errors import FileFormatError, MeshError, OptionError
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import ByteArray, FloatArray
 from texbake.records import dataclass
 from texbake.rendering.camera import Camera
 from texbake.rendering.fragments import DrawnObject, Fragments, IncidentLight
@@ -229,7 +226,7 @@ class VisibleScene:
 
     visibility: VisibilityBuffer  # opaque triangles at the samples
     # (O,): which faces of each object are drawn; see `texbake.rendering.rasterize`
-    modes: npt.NDArray[np.uint8]
+    modes: ByteArray
     objects: frozenset[int]  # objects that are visible in some sample, and transparent objects
     # (h, w, 2): barycentric weights at each sample, if the scanline rasterizer was used
     scanline_weights: FloatArray | None = None

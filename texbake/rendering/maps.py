@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import math
 import os
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
 from texbake.files import PathLike
+from texbake.mesh.mesh import AnyArray
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE, Value
 from texbake.texture.cube_map import without_gaps
 from texbake.texture.encoding import decode_heights, decode_normals
 from texbake.texture.image import FloatImage, Image, read_header, read_image
 
-MapSource = PathLike | Image | npt.NDArray[Any]
+MapSource = PathLike | Image | AnyArray
 _CONVENTIONS = ("opengl", "directx")
 _SPACES = ("tangent", "object", "world")
 # Number of channels of gray with opacity, and of color with opacity.
@@ -134,7 +133,7 @@ def colors_and_opacity_from(
     return colors, without_gaps(np.ascontiguousarray(pixels[..., -1:], np.float32))
 
 
-def _pixels_of(source: MapSource, *, color: bool) -> tuple[npt.NDArray[Any], str]:
+def _pixels_of(source: MapSource, *, color: bool) -> tuple[AnyArray, str]:
     if isinstance(source, np.ndarray):
         return (source[..., None] if source.ndim == 2 else source), "texture"
     image = _read(source, color=color)
@@ -147,9 +146,7 @@ def _read(source: PathLike | Image, *, color: bool) -> Image:
     return source
 
 
-def _channels(
-    pixels: npt.NDArray[Any], name: str, n_channels: int, *, cut: bool = True
-) -> FloatImage:
+def _channels(pixels: AnyArray, name: str, n_channels: int, *, cut: bool = True) -> FloatImage:
     """Return the first channels of an image (or all, with `cut=False`) for use in kernels."""
     if pixels.ndim != 3 or pixels.size == 0 or pixels.shape[2] < n_channels:
         raise OptionError(

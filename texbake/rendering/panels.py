@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import require_library
-from texbake.mesh.mesh import BoolArray, FloatArray
+from texbake.mesh.mesh import BoolArray, ByteArray, FloatArray
 from texbake.records import dataclass
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage
@@ -67,9 +67,7 @@ def side_by_side(panels: Sequence[Panel], seen: BoolArray) -> FloatImage:
     return np.asarray(levels[sheets(panels, seen)[-1]])
 
 
-def sheets(
-    panels: Sequence[Panel], seen: BoolArray
-) -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.uint8]]:
+def sheets(panels: Sequence[Panel], seen: BoolArray) -> tuple[ByteArray, ByteArray]:
     """Codes in sRGB, cropped, of all pictures but the last in a row, and of all."""
     require_library("PIL", "text in pictures")
     from PIL import Image, ImageDraw

@@ -8,10 +8,9 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import ByteArray, FloatArray
 from texbake.parallel import run_bands
 from texbake.rendering.effect import Effect, RenderState, VisibleScene
 from texbake.rendering.fragments import (
@@ -61,7 +60,7 @@ def screen_of(state: RenderState) -> tuple[FloatArray, int, int]:
 
 def rasterize_samples(
     state: RenderState,
-    modes: npt.NDArray[np.uint8],
+    modes: ByteArray,
     *,
     behind: VisibilityBuffer | None = None,
     before: VisibilityBuffer | None = None,
@@ -79,7 +78,7 @@ def rasterize_samples(
     )
 
 
-def object_modes(state: RenderState) -> npt.NDArray[np.uint8]:
+def object_modes(state: RenderState) -> ByteArray:
     """(O,) uint8: which faces of each object are drawn, by the options and its material."""
     modes = np.full(len(state.scene.objects), SKIP, np.uint8)
     for index in state.request.in_view:

@@ -23,13 +23,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray
+from texbake.mesh.mesh import AnyArray, ByteArray, Float32Array, FloatArray, Int64Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -85,7 +84,7 @@ def join_objects(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
     return World(read_only(positions, np.float64), read_only(faces, np.int32), starts)
 
 
-def read_only(array: npt.NDArray[Any], dtype: type) -> npt.NDArray[Any]:
+def read_only(array: AnyArray, dtype: type) -> AnyArray:
     """Return a contiguous, read-only array of a type, as the kernels expect their inputs."""
     view = np.require(array, dtype, "C").view()
     view.flags.writeable = False
@@ -144,7 +143,7 @@ class Window:
 
 def _sorted_into_bands(
     world: World,
-    modes: npt.NDArray[np.uint8],
+    modes: ByteArray,
     clip_from_world: FloatArray,
     grid: IntArray,
     size: tuple[int, int],
@@ -189,7 +188,7 @@ def rasterize(
     width: int,
     height: int,
     *,
-    modes: npt.NDArray[np.uint8],
+    modes: ByteArray,
     window: Window | None = None,
     behind: VisibilityBuffer | None = None,
     before: VisibilityBuffer | None = None,
@@ -203,7 +202,7 @@ def rasterize(
     n_rows, n_columns = window.shape
     face_ids = np.full((n_rows, n_columns), -1, np.int32)
     depths = np.zeros((n_rows, n_columns), np.float32)
-    peel: tuple[npt.NDArray[Any] | None, ...] = (None, None, None)
+    peel: tuple[AnyArray | None, ...] = (None, None, None)
     if behind is not None and before is not None:
         peel = (behind.depths, behind.face_ids, before.depths)
 
@@ -222,12 +221,7 @@ def rasterize(
 
 
 def rasterize_scanlines(
-    world: World,
-    clip_from_world: FloatArray,
-    width: int,
-    height: int,
-    *,
-    modes: npt.NDArray[np.uint8],
+    world: World, clip_from_world: FloatArray, width: int, height: int, *, modes: ByteArray
 ) -> tuple[VisibilityBuffer, FloatArray]:
     """Rasterize by scanlines, with the weights (height, width, 2) of second and third corner."""
     face_ids = np.full((height, width), -1, np.int32)

@@ -7,11 +7,11 @@ most of them had, and lie elsewhere. The mean over these has an error of its own
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
+from texbake.mesh.mesh import AnyArray
 from texbake.records import dataclass
 
 CHECKED_SHARE = 0.01  # of the texels or pixels that have data
@@ -56,7 +56,7 @@ class ErrorSummary:
         )
 
 
-def percentiles_of(errors: npt.NDArray[Any], factor: float = 1.0) -> dict[int, float]:
+def percentiles_of(errors: AnyArray, factor: float = 1.0) -> dict[int, float]:
     """Return percentages, and the errors, times a factor, that they do not exceed; {} for none."""
     if not len(errors):
         return {}
@@ -64,7 +64,7 @@ def percentiles_of(errors: npt.NDArray[Any], factor: float = 1.0) -> dict[int, f
     return {percent: float(v) for percent, v in zip(_PERCENTILES, values, strict=True)}
 
 
-def percent_within(errors: npt.NDArray[Any], bound: float | None) -> float:
+def percent_within(errors: AnyArray, bound: float | None) -> float:
     """Return how many errors are within a bound; 100 if there is no error or no bound."""
     if bound is None or not len(errors):
         return 100.0

@@ -20,10 +20,10 @@ from dataclasses import field, replace
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.limits import parse_seconds
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.progress import process_age
 from texbake.records import dataclass
 
@@ -116,8 +116,6 @@ def with_actual_time(budget: TimeBudget, clock: BudgetClock) -> TimeBudget:
     return replace(budget, actual_seconds=clock.spent)
 
 
-FloatArray32 = npt.NDArray[np.float32]
-
 # Eight measured figures, and what follows from them.
 # The share of the time to spend; timings on shared machines differ by the rest. A round is
 # abandoned once half of that rest is spent, and none begins with less than that rest left.
@@ -158,7 +156,7 @@ class Refinable(Protocol):
     def refine(self, bound: float) -> None:
         """Take the samples of a bound; `OutOfTimeError` leaves the result of the round before."""
 
-    def predicted_errors(self) -> tuple[FloatArray32, FloatArray32]:
+    def predicted_errors(self) -> tuple[Float32Array, Float32Array]:
         """Estimated errors in closest bounds, and the work of each in a round to one below."""
 
     def work_done(self) -> tuple[float, float]:
@@ -244,7 +242,7 @@ class Rounds:
             rounds=tuple(self._done),
         )
 
-    def _next(self, work: npt.NDArray[np.float64]) -> tuple[float, float, float] | None:
+    def _next(self, work: FloatArray) -> tuple[float, float, float] | None:
         """Closest bound whose round is predicted to fit, its work and seconds; None to end."""
         if self._reached <= 1.0:
             return None
@@ -294,7 +292,7 @@ def _towards(before: float, measured: float) -> float:
     return min(max(measured, before / _MOST_CHANGE), before * _MOST_CHANGE)
 
 
-def _work_above(errors: FloatArray32, costs: FloatArray32) -> npt.NDArray[np.float64]:
+def _work_above(errors: Float32Array, costs: Float32Array) -> FloatArray:
     """Work for each bound from 1 to the widest: the costs of all errors above it."""
     is_above = errors > 1.0
     steps = np.minimum(_STEPS * pm.log2(errors[is_above]), _STEPS * _OCTAVES)

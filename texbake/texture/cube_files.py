@@ -15,14 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileError, FileFormatError, OptionError, require_known
 from texbake.files import PathLike, check_folder, check_writable, is_folder
-from texbake.mesh.mesh import Float32Array
+from texbake.mesh.mesh import AnyArray, Float32Array
 from texbake.records import dataclass
 from texbake.texture.cube_map import (
     CubeMap,
@@ -42,7 +40,7 @@ _PLACES = {
 }
 
 
-def in_convention(faces: npt.NDArray[Any], convention: str) -> npt.NDArray[Any]:
+def in_convention(faces: AnyArray, convention: str) -> AnyArray:
     """Mirror faces (6, S, S, C) of a `CubeMap` into a convention, or back."""
     require_known("convention", convention, CONVENTIONS)
     if convention == "opengl":
@@ -62,7 +60,7 @@ def cross_picture(cube: CubeMap, *, convention: str = "opengl") -> Float32Array:
     return picture
 
 
-def is_cross(picture: npt.NDArray[Any]) -> bool:
+def is_cross(picture: AnyArray) -> bool:
     """Whether an image (H, W, C) has the proportions of a cross, 4:3."""
     height, width = picture.shape[:2]
     return bool(height % 3 == 0 and height * 4 == width * 3)

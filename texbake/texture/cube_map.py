@@ -32,14 +32,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property, lru_cache, partial
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known, require_least
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Int64Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.lookup import require_image
@@ -96,7 +94,7 @@ class CubeMap:
         return bordered
 
     @classmethod
-    def from_views(cls, views: npt.NDArray[Any]) -> CubeMap:
+    def from_views(cls, views: AnyArray) -> CubeMap:
         """Cube map of views (6, S, S, C) by cameras with `cube_face_axes`, row 0 at the top."""
         return cls(np.asarray(views, np.float32)[:, :, ::-1])
 
@@ -146,7 +144,7 @@ def solid_angles(size: int) -> FloatArray:
     return angles
 
 
-def locate_directions(directions: FloatArray) -> tuple[npt.NDArray[Any], FloatArray]:
+def locate_directions(directions: FloatArray) -> tuple[AnyArray, FloatArray]:
     """Face (...) int64, of the first largest component, and (s, t) right and down, (..., 2)."""
     heights = pm.matmul(directions, FACE_AXES[:, 2].T)
     faces = np.argmax(heights, axis=-1)
@@ -171,7 +169,7 @@ def fill_bordered(faces: Float32Array, out: Float32Array) -> None:
 
 
 @lru_cache(maxsize=32)
-def _beyond_edges(size: int) -> tuple[tuple[npt.NDArray[Any], ...], ...]:
+def _beyond_edges(size: int) -> tuple[tuple[AnyArray, ...], ...]:
     """Faces, rows and columns (6, S) of texels beyond the left, right, top and bottom edges."""
     along = (2.0 * np.arange(size) + 1.0) / size - 1.0
     right, down, middle = (FACE_AXES[:, None, axis] for axis in range(3))
@@ -279,8 +277,8 @@ _LOOKUP_BAND = 1 << 16
 
 def sample_cube(
     cube: CubeMap | CubeChain,
-    directions: npt.NDArray[Any],
-    levels: npt.NDArray[Any] | None = None,
+    directions: AnyArray,
+    levels: AnyArray | None = None,
     *,
     filter: str = "bilinear",  # noqa: A002  # what the field calls it
     threads: int | None = None,
@@ -318,7 +316,7 @@ _LATITUDE_BAND = 1 << 17
 
 
 def from_latitude_longitude(
-    image: npt.NDArray[Any], *, size: int | None = None, threads: int | None = None
+    image: AnyArray, *, size: int | None = None, threads: int | None = None
 ) -> CubeMap:
     """Cube map with faces of `size` texels of a linear (H, W, C) image, row 0 at the top."""
     pixels = require_image(image)

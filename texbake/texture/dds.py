@@ -15,11 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileFormatError, OptionError, require_known, require_library
 from texbake.files import PathLike, replacing
-from texbake.mesh.mesh import Float32Array
+from texbake.mesh.mesh import ByteArray, Float32Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, unit_normals
@@ -94,9 +93,7 @@ def write_dds(
         file.writelines(levels)
 
 
-def _codes(
-    level: Float32Array, kind: str, convention: str, threads: int | None
-) -> npt.NDArray[np.uint8]:
+def _codes(level: Float32Array, kind: str, convention: str, threads: int | None) -> ByteArray:
     """Return (H, W, 4) codes of a level, padded to multiples of 4 by repeating the last texel."""
     if kind == "normal":
         unit = unit_normals(level)
@@ -113,7 +110,7 @@ def _codes(
 
 
 def _encoded(
-    codes: npt.NDArray[np.uint8],
+    codes: ByteArray,
     encode: Callable[[bytes, int, int], bytes],
     form: BlockFormat,
     threads: int | None,

@@ -17,14 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache, partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array
+from texbake.mesh.mesh import AnyArray, BoolArray, Float32Array, FloatArray, Int64Array
 from texbake.parallel import run_bands
 
 _CONVENTIONS = ("opengl", "directx")
@@ -37,7 +36,7 @@ _BAND = 1 << 19
 
 
 def _quantized(
-    values: npt.NDArray[Any],
+    values: AnyArray,
     bits: int,
     factors: FloatArray,
     offsets: FloatArray,
@@ -46,7 +45,7 @@ def _quantized(
     lows: FloatArray | None = None,
     sizes: FloatArray | None = None,
     noise: float = 0.0,
-) -> npt.NDArray[Any]:
+) -> AnyArray:
     """Codes of values by a factor and an offset for 1 to 4 channels; `core/quantization.c`."""
     flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, len(factors))
     codes = np.empty(flat.shape, code_type(bits))
@@ -69,17 +68,15 @@ def code_type(bits: int) -> type[np.uint8] | type[np.uint16]:
     return np.uint8 if max_code(bits) == 255 else np.uint16
 
 
-def quantize_unsigned(
-    values: npt.NDArray[Any], bits: int, *, threads: int | None = None
-) -> npt.NDArray[Any]:
+def quantize_unsigned(values: AnyArray, bits: int, *, threads: int | None = None) -> AnyArray:
     """Quantize values (..., C) in [0, 1] to the nearest codes; halves round up."""
     factors = np.full(1, float(max_code(bits)))
     return _quantized(np.atleast_1d(values), bits, factors, np.zeros(1), threads)
 
 
 def quantize_srgb(
-    linear: npt.NDArray[Any], bits: int, *, n_colors: int | None = None, threads: int | None = None
-) -> npt.NDArray[Any]:
+    linear: AnyArray, bits: int, *, n_colors: int | None = None, threads: int | None = None
+) -> AnyArray:
     """Quantize linear values (..., C) as sRGB to the nearest codes; halves round up."""
     n_channels = linear.shape[-1]
     n_colors = n_channels if n_colors is None else n_colors
@@ -116,22 +113,15 @@ def _srgb_thresholds(bits: int) -> tuple[Float32Array, npt.NDArray[np.uint16]]:
 
 
 def quantize_points(
-    points: npt.NDArray[Any],
-    low: FloatArray,
-    high: FloatArray,
-    bits: int,
-    *,
-    threads: int | None = None,
-) -> npt.NDArray[Any]:
+    points: AnyArray, low: FloatArray, high: FloatArray, bits: int, *, threads: int | None = None
+) -> AnyArray:
     """Codes of points (..., 3) between two corners; 0 along an axis without extent."""
     sizes = np.where(high > low, high - low, 1.0)
     factors = np.full(3, float(max_code(bits)))
     return _quantized(points, bits, factors, np.zeros(3), threads, lows=low, sizes=sizes)
 
 
-def color_ids(
-    ids: Float32Array, colors: npt.NDArray[Any], *, threads: int | None = None
-) -> npt.NDArray[Any]:
+def color_ids(ids: Float32Array, colors: AnyArray, *, threads: int | None = None) -> AnyArray:
     """Give each of the ids (H, W) its color, (n, 3) uint8 or uint16: (H, W, 3); NaN the first."""
     flat = np.ascontiguousarray(ids).reshape(-1)
     codes = np.empty((len(flat), 3), colors.dtype)
@@ -155,8 +145,8 @@ def unit_normals(vectors: Float32Array) -> Float32Array:
 
 
 def encode_normals(
-    normals: npt.NDArray[Any], *, bits: int, convention: str = "opengl", threads: int | None = None
-) -> npt.NDArray[Any]:
+    normals: AnyArray, *, bits: int, convention: str = "opengl", threads: int | None = None
+) -> AnyArray:
     """Encode unit vectors (..., 3) as the colors of a normal map, (n + 1) / 2."""
     signs = np.array([1.0, _green_sign(convention), 1.0])
     if bits == 32:
@@ -167,7 +157,7 @@ def encode_normals(
 
 
 def decode_normals(
-    pixels: npt.NDArray[Any], *, convention: str = "opengl", threads: int | None = None
+    pixels: AnyArray, *, convention: str = "opengl", threads: int | None = None
 ) -> Float32Array:
     """(..., 3) unit vectors 2x - 1 of the colors of a normal map; (0, 0, 1) without a direction.
 
@@ -193,8 +183,8 @@ def decode_normals(
 
 
 def encode_heights(
-    heights: npt.NDArray[Any], *, bits: int, mid: float, scale: float, threads: int | None = None
-) -> npt.NDArray[Any]:
+    heights: AnyArray, *, bits: int, mid: float, scale: float, threads: int | None = None
+) -> AnyArray:
     """Encode distances d (...) in model units as h = d / scale + mid; integer codes are clipped."""
     if not (np.isfinite(scale) and np.isfinite(mid) and scale != 0.0):
         raise OptionError(f"scale: {scale} with the mid level {mid} maps no heights; give others")
@@ -206,7 +196,7 @@ def encode_heights(
     return codes[..., 0]
 
 
-def decode_heights(pixels: npt.NDArray[Any], *, mid: float, scale: float) -> Float32Array:
+def decode_heights(pixels: AnyArray, *, mid: float, scale: float) -> Float32Array:
     """Decode codes or levels in [0, 1] to signed distances (h - mid) * scale in model units."""
     top = np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0
     return ((np.asarray(pixels, np.float64) / top - mid) * scale).astype(np.float32)
@@ -234,7 +224,7 @@ def _green_sign(convention: str) -> float:
 
 
 def channel_ranges(
-    values: npt.NDArray[Any], covered: BoolArray, *, threads: int | None = None
+    values: AnyArray, covered: BoolArray, *, threads: int | None = None
 ) -> Float32Array:
     """(C, 2) least and greatest finite values of covered texels; (inf, -inf) without any."""
     rows, texels = _of_texels(values, covered)
@@ -252,7 +242,7 @@ def channel_ranges(
 
 
 def height_range(
-    heights: npt.NDArray[Any],
+    heights: AnyArray,
     covered: BoolArray,
     *,
     bits: int = 16,
@@ -274,12 +264,7 @@ def height_range(
 
 
 def count_clipped(
-    heights: npt.NDArray[Any],
-    covered: BoolArray,
-    *,
-    mid: float,
-    scale: float,
-    threads: int | None = None,
+    heights: AnyArray, covered: BoolArray, *, mid: float, scale: float, threads: int | None = None
 ) -> int:
     """Count the covered heights that integer codes clip with this mid level and scale."""
     values, texels = _of_texels(heights, covered)
@@ -335,7 +320,7 @@ def size_at_percentile(
     return float(low + (high - low) * np.float32(along))
 
 
-def _of_texels(values: npt.NDArray[Any], covered: BoolArray) -> tuple[Float32Array, BoolArray]:
+def _of_texels(values: AnyArray, covered: BoolArray) -> tuple[Float32Array, BoolArray]:
     """Return values (H, W) or (H, W, C) as (n, C), and which texels are covered as (n,)."""
     texels = np.require(covered, np.bool_, ["C", "A"]).reshape(-1)
     n_channels = values.size // max(len(texels), 1)

@@ -22,14 +22,12 @@ both ends, so that a paraboloid comes back exactly.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import FileFormatError, OptionError, quoted
-from texbake.mesh.mesh import Float32Array, FloatArray
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray
 from texbake.metadata import CONVENTION, DISPLACEMENT_SCALE, SPACE
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -44,7 +42,7 @@ _ACROSS = {"central": (0, 16, 0), "sobel": (4, 8, 4), "scharr": (3, 10, 3)}
 
 
 def height_to_normal(
-    heights: Image | npt.NDArray[Any], options: HeightToNormalOptions | None = None
+    heights: Image | AnyArray, options: HeightToNormalOptions | None = None
 ) -> Float32Array:
     """Compute the tangent-space normals of a height field.
 
@@ -90,7 +88,7 @@ def height_to_normal(
     return normals.astype(np.float32)
 
 
-def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptions) -> float:
+def height_scale(heights: Image | AnyArray, options: HeightToNormalOptions) -> float:
     """Return the height of a change of 1, from the options, the image's metadata or the default."""
     if options.scale is not None:
         return options.scale
@@ -105,7 +103,7 @@ def height_scale(heights: Image | npt.NDArray[Any], options: HeightToNormalOptio
     return float(scale)
 
 
-def _height_field(values: npt.NDArray[Any]) -> FloatArray:
+def _height_field(values: AnyArray) -> FloatArray:
     """Return an array (H, W) or (H, W, 1) as float64 (H, W)."""
     field = np.asarray(values, np.float64)
     field = field[..., 0] if field.ndim == 3 and field.shape[2] == 1 else field
@@ -157,7 +155,7 @@ class HeightField:
 
 
 def normal_to_height(
-    normals: Image | npt.NDArray[Any], options: NormalToHeightOptions | None = None
+    normals: Image | AnyArray, options: NormalToHeightOptions | None = None
 ) -> HeightField:
     """Compute the heights of a tangent-space normal map.
 
@@ -210,7 +208,7 @@ def _decoded(image: Image, convention: str | None) -> Float32Array:
     return decode_normals(image.pixels, convention=convention)
 
 
-def _slopes(normals: npt.NDArray[Any]) -> tuple[tuple[FloatArray, FloatArray], int]:
+def _slopes(normals: AnyArray) -> tuple[tuple[FloatArray, FloatArray], int]:
     """Return the slopes to the right and down, and the number of normals without one."""
     vectors = normals.astype(np.float64)
     flat = ~np.isfinite(vectors).all(axis=2)

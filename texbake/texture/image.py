@@ -22,7 +22,7 @@ import numpy.typing as npt
 from texbake.errors import FileError, FileFormatError, OptionError, quoted, require_library
 from texbake.files import PathLike, replacing, require_file, scratch_folder
 from texbake.limits import require_image_size
-from texbake.mesh.mesh import Float32Array
+from texbake.mesh.mesh import AnyArray, Float32Array
 from texbake.metadata import Value, from_description, is_png, png_description, to_description
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -43,8 +43,7 @@ from texbake.texture.image_formats import (
 )
 from texbake.texture.png_files import picture_png, write_png
 
-# (H, W) or (H, W, C), row 0 at the top.
-FloatImage = npt.NDArray[np.float32]
+FloatImage = Float32Array  # (H, W) or (H, W, C), row 0 at the top
 
 # Texels per band: a few milliseconds of work.
 _BAND = 1 << 19
@@ -70,9 +69,7 @@ class Image:
         kind = f"{self.bits}-bit {'floats' if self.is_float else 'codes'}"
         return f"<Image {self.name}: {width} x {height}, {n_channels} channels, {kind}>"
 
-    def __array__(
-        self, dtype: npt.DTypeLike | None = None, copy: bool | None = None
-    ) -> npt.NDArray[Any]:
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> AnyArray:
         return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
 
     def _repr_png_(self) -> bytes:
@@ -95,7 +92,7 @@ _OIIO_TYPES = {"uint8": "uint8", "uint16": "uint16", "float16": "half", "float32
 
 
 def write_image(
-    pixels: npt.NDArray[Any],
+    pixels: AnyArray,
     path: PathLike,
     *,
     color: bool = False,
@@ -176,7 +173,7 @@ def read_image(path: PathLike, *, color: bool, threads: int | None = None) -> Im
 
 
 def image_as_read(
-    pixels: npt.NDArray[Any],
+    pixels: AnyArray,
     path: PathLike,
     *,
     color: bool,
@@ -190,11 +187,7 @@ def image_as_read(
 
 
 def _image_of(
-    codes: npt.NDArray[Any],
-    metadata: dict[str, Value],
-    path: PathLike,
-    color: bool,
-    threads: int | None,
+    codes: AnyArray, metadata: dict[str, Value], path: PathLike, color: bool, threads: int | None
 ) -> Image:
     is_float = codes.dtype.kind == "f"
     pixels = codes.astype(np.float32, copy=False) if is_float else _linear(codes, color, threads)
@@ -215,8 +208,8 @@ def read_header(path: PathLike) -> ImageHeader:
 
 
 def _stored(
-    pixels: npt.NDArray[Any], path: PathLike, bits: int, color: bool, threads: int | None
-) -> npt.NDArray[Any]:
+    pixels: AnyArray, path: PathLike, bits: int, color: bool, threads: int | None
+) -> AnyArray:
     """Return the pixels as the file stores them: codes, halves or floats."""
     if holds_floats(path, bits):
         if pixels.dtype.kind != "f":
@@ -239,7 +232,7 @@ def _n_color_channels(n_channels: int) -> int:
     return n_channels - 1 if n_channels in (2, 4) else n_channels
 
 
-def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> Float32Array:
+def _linear(codes: AnyArray, color: bool, threads: int | None) -> Float32Array:
     """Return the linear values of codes, from a table of all codes."""
     levels = np.arange(max_code(8 * codes.itemsize) + 1) / max_code(8 * codes.itemsize)
     n_colors = _n_color_channels(codes.shape[2]) if color else 0
@@ -257,7 +250,7 @@ def _linear(codes: npt.NDArray[Any], color: bool, threads: int | None) -> Float3
 
 
 def _write_with_openimageio(
-    stored: npt.NDArray[Any], path: PathLike, temporary: Path, color: bool, description: str
+    stored: AnyArray, path: PathLike, temporary: Path, color: bool, description: str
 ) -> None:
     oiio = require_library("OpenImageIO", path)
 
@@ -276,7 +269,7 @@ def _write_with_openimageio(
     write_with_spec(stored, spec, temporary, path)
 
 
-def write_with_spec(pixels: npt.NDArray[Any], spec: Any, temporary: Path, path: PathLike) -> None:
+def write_with_spec(pixels: AnyArray, spec: Any, temporary: Path, path: PathLike) -> None:
     """Write pixels to `temporary` with OpenImageIO; errors name `path`."""
     oiio = require_library("OpenImageIO", path)
 
@@ -318,7 +311,7 @@ def _opened(path: PathLike) -> tuple[Any, str]:
     return source, description
 
 
-def _read_with_openimageio(path: PathLike) -> tuple[npt.NDArray[Any], str]:
+def _read_with_openimageio(path: PathLike) -> tuple[AnyArray, str]:
     """Return codes (uint8, uint16) or floats (float16, float32), and the image description."""
     oiio = require_library("OpenImageIO", path)
 

@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.arrays import DAMAGE, read_array_file
 from texbake.errors import FileFormatError, OptionError, one_line, quoted, require_library
 from texbake.files import PathLike, appearing_together, make_folder, replacing, require_file
-from texbake.mesh.mesh import Float32Array
+from texbake.mesh.mesh import AnyArray, ByteArray, Float32Array
 from texbake.metadata import (
     CONVENTION,
     DISPLACEMENT_MID,
@@ -36,7 +35,7 @@ from texbake.texture.png_files import png_parts
 
 
 def write_images(
-    images: Mapping[Path, npt.NDArray[Any]],
+    images: Mapping[Path, AnyArray],
     *,
     color: bool,
     bits: int | None = None,
@@ -85,7 +84,7 @@ def clipped_share(path: PathLike, pixels: Float32Array, bits: int | None) -> flo
 
 
 def write_normals(
-    normals: npt.NDArray[Any],
+    normals: AnyArray,
     path: PathLike,
     *,
     convention: str = "opengl",
@@ -101,11 +100,7 @@ def write_normals(
 
 
 def write_heights(
-    heights: npt.NDArray[Any],
-    path: PathLike,
-    *,
-    bits: int | None = None,
-    threads: int | None = None,
+    heights: AnyArray, path: PathLike, *, bits: int | None = None, threads: int | None = None
 ) -> tuple[float, float]:
     """Write heights (H, W) in model units as a map; return its mid level and its scale."""
     bits = check_image_format(path, bits, channels=1, lossless=True)
@@ -177,7 +172,7 @@ _WEBP_METHOD = 4
 
 
 def encode_image(
-    codes: npt.NDArray[np.uint8],
+    codes: ByteArray,
     encoding: str,
     *,
     quality: int = 90,
@@ -200,7 +195,7 @@ def encode_image(
     return buffer.getvalue()
 
 
-def encoding_of(codes: npt.NDArray[np.uint8], encoding: str) -> str:
+def encoding_of(codes: ByteArray, encoding: str) -> str:
     """Return the encoding that an image gets: PNG in place of JPEG where it has alpha."""
     return "png" if encoding == "jpeg" and codes.shape[2] == 4 else encoding
 

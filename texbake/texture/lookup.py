@@ -11,14 +11,13 @@ names the sources: `core/texture_lookup.c`.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import OptionError, quoted, require_known
-from texbake.mesh.mesh import Float32Array, FloatArray
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray
 from texbake.parallel import run_bands
 
 # As in `core/texture_lookup.h`.
@@ -80,7 +79,7 @@ def texel_coordinates(uvs: FloatArray, width: int, height: int) -> FloatArray:
         return np.stack([uvs[..., 0] * width, row_of_v(uvs[..., 1], height)], axis=-1)
 
 
-def require_image(image: npt.NDArray[Any]) -> Float32Array:
+def require_image(image: AnyArray) -> Float32Array:
     """(H, W, C) float32, contiguous; `OptionError` for another shape."""
     image = np.require(image, np.float32, ["C", "A"])
     if image.ndim != 3 or image.size == 0:
@@ -89,8 +88,8 @@ def require_image(image: npt.NDArray[Any]) -> Float32Array:
 
 
 def lookup(
-    image: npt.NDArray[Any],
-    uvs: npt.NDArray[Any],
+    image: AnyArray,
+    uvs: AnyArray,
     *,
     wrap: Wrap = "repeat",
     border: npt.ArrayLike | None = None,
@@ -112,9 +111,7 @@ def lookup(
 _RAMP_BAND = 1 << 18
 
 
-def ramp_lookup(
-    stops: npt.NDArray[Any], values: npt.NDArray[Any], *, threads: int | None = None
-) -> Float32Array:
+def ramp_lookup(stops: AnyArray, values: AnyArray, *, threads: int | None = None) -> Float32Array:
     """(n, C) colors at values (n,) of a ramp of linear stops (k, C) at 0, 1 / (k - 1), ..., 1."""
     stops = np.require(stops, np.float32, ["C", "A"])
     if stops.ndim != 2 or stops.size == 0:
@@ -135,8 +132,8 @@ _VOLUME_BAND = 1 << 17
 
 
 def volume_lookup(
-    volume: npt.NDArray[Any],
-    points: npt.NDArray[Any],
+    volume: AnyArray,
+    points: AnyArray,
     *,
     wrap: str = "repeat",
     filter: str = "trilinear",  # noqa: A002  # what the field calls it

@@ -20,15 +20,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known
 from texbake.files import PathLike, check_folder, check_writable, is_folder
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Int64Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import decode_normals, encode_normals, unit_normals
@@ -89,7 +87,7 @@ class MipChain:
         return self.texels[first : first + height * width].reshape(height, width, -1)
 
 
-def single_level(image: npt.NDArray[Any]) -> MipChain:
+def single_level(image: AnyArray) -> MipChain:
     """Chain of one level; it shares the memory of a contiguous (H, W, C) float32 image."""
     image = require_image(image)
     height, width, n_channels = image.shape
@@ -99,7 +97,7 @@ def single_level(image: npt.NDArray[Any]) -> MipChain:
 
 
 def mip_chain(
-    image: npt.NDArray[Any],
+    image: AnyArray,
     *,
     kind: str = "color",
     wrap: Wrap = "repeat",
@@ -232,7 +230,7 @@ def _reduce(
     run_bands(work, out.shape[0], band=band, threads=threads)
 
 
-def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
+def levels_picture(levels: Sequence[AnyArray]) -> AnyArray:
     """Mip levels (H, W, C) in one picture: the finest on the left, the others on its right."""
     first, *others = levels
     height = max(first.shape[0], sum(level.shape[0] for level in others))
@@ -247,7 +245,7 @@ def levels_picture(levels: Sequence[npt.NDArray[Any]]) -> npt.NDArray[Any]:
     return picture
 
 
-def roughness_of_lengths(lengths: npt.NDArray[Any]) -> Float32Array:
+def roughness_of_lengths(lengths: AnyArray) -> Float32Array:
     """Roughness (...) of a surface from the lengths of its averaged unit normals."""
     r = np.clip(np.asarray(lengths, np.float64), 0.0, 1.0)
     # 2 / kappa, which is unbounded at r = 0.
@@ -309,13 +307,8 @@ def _is_folder(target: Path) -> bool:
 
 
 def _images(
-    levels: Sequence[npt.NDArray[Any]],
-    target: Path,
-    stem: str,
-    source: Image,
-    *,
-    encoded: bool = False,
-) -> tuple[dict[Path, npt.NDArray[Any]], int | None]:
+    levels: Sequence[AnyArray], target: Path, stem: str, source: Image, *, encoded: bool = False
+) -> tuple[dict[Path, AnyArray], int | None]:
     """Return images by file, and bits per channel; `encoded` encodes normals as colors."""
     folder = _is_folder(target)
     first = target / f"{stem}_0{suffix_like(source)}" if folder else target

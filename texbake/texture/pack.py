@@ -16,18 +16,14 @@ rectangles and the best-short-side rule.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import OptionError, UvError, counted, require_library
 from texbake.mapping.options.shared import MAX_SIZE
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import AnyArray, Float32Array, Mesh
 from texbake.records import dataclass
 from texbake.texture.options import PackOptions
-
-FloatImage = npt.NDArray[np.float32]
 
 # Rounding error of float32 files for coordinates on the border of the unit square.
 _OUTSIDE = 1e-6
@@ -51,7 +47,7 @@ class PlacedImage:
 class PackedTextures:
     """Several images in one."""
 
-    pixels: FloatImage  # (H, W, C) float32: 0 outside the images and their padding
+    pixels: Float32Array  # (H, W, C) float32: 0 outside the images and their padding
     places: tuple[PlacedImage, ...]  # the place of each image, in the order of the input
     scale: float  # factor by which all images were scaled down; 1 if texels are copied one to one
 
@@ -86,9 +82,7 @@ class PackedTextures:
         return mesh.replace(uvs=uvs)
 
 
-def pack_textures(
-    images: Sequence[npt.NDArray[Any]], options: PackOptions | None = None
-) -> PackedTextures:
+def pack_textures(images: Sequence[AnyArray], options: PackOptions | None = None) -> PackedTextures:
     """Pack several linear images (H, W, C), with 1 to 4 channels each, into one."""
     options = options or PackOptions()
     if not images:
@@ -163,7 +157,7 @@ def _n_channels(counts: Sequence[int]) -> int:
     return colors + int(any(count in (2, 4) for count in counts))
 
 
-def _with_channels(image: npt.NDArray[Any], n_channels: int) -> FloatImage:
+def _with_channels(image: AnyArray, n_channels: int) -> Float32Array:
     n_colors = 3 if n_channels > 2 else 1
     own_colors = 1 if image.shape[2] < 3 else 3
     full = np.ones((*image.shape[:2], n_channels), np.float32)
@@ -173,7 +167,7 @@ def _with_channels(image: npt.NDArray[Any], n_channels: int) -> FloatImage:
     return full
 
 
-def resized(image: FloatImage, width: int, height: int) -> FloatImage:
+def resized(image: Float32Array, width: int, height: int) -> Float32Array:
     """Scale an image down with a triangle filter, which never rings."""
     if image.shape[:2] == (height, width):
         return image

@@ -9,7 +9,6 @@ background. Kernel, which names the sources: `core/padding.c`.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +16,7 @@ import numpy.typing as npt
 from texbake.core import core
 from texbake.errors import OptionError, quoted
 from texbake.mesh.interchange import plain_array
-from texbake.mesh.mesh import BoolArray, IntArray
+from texbake.mesh.mesh import AnyArray, BoolArray, Float32Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
@@ -67,12 +66,9 @@ def nearest_owner(
 _FILL_BAND = 128
 _WHOLE = 2**53  # float64 holds all integers up to this one
 _PARTS = 3  # float32 numbers whose sum is a float64 number
-FloatImage = npt.NDArray[np.float32]
 
 
-def push_pull(
-    values: npt.NDArray[Any], mask: BoolArray, *, threads: int | None = None
-) -> FloatImage:
+def push_pull(values: AnyArray, mask: BoolArray, *, threads: int | None = None) -> Float32Array:
     """Fill texels (H, W, C) outside `mask` smoothly; inside, they stay bit-equal."""
     level = np.array(values, np.float32)
     valid = np.require(mask, np.bool_, ["C", "A"])
@@ -93,7 +89,7 @@ def fill(
     *,
     padding: int | None = None,
     threads: int | None = None,
-) -> npt.NDArray[Any]:
+) -> AnyArray:
     """Fill the texels of an image that have no data from the texels that have data.
 
     Parameters
@@ -154,7 +150,7 @@ def fill(
     )
 
 
-def _smooth(values: npt.NDArray[Any], mask: BoolArray, threads: int | None) -> npt.NDArray[Any]:
+def _smooth(values: AnyArray, mask: BoolArray, threads: int | None) -> AnyArray:
     """Return what `push_pull` does; numbers that float32 cannot hold are filled in parts."""
     if np.can_cast(values.dtype, np.float32):
         return push_pull(values, mask, threads=threads)
@@ -175,8 +171,8 @@ def _smooth(values: npt.NDArray[Any], mask: BoolArray, threads: int | None) -> n
 
 
 def _pushed(
-    values: FloatImage, mask: BoolArray, threads: int | None
-) -> tuple[FloatImage, BoolArray]:
+    values: Float32Array, mask: BoolArray, threads: int | None
+) -> tuple[Float32Array, BoolArray]:
     """Return the next coarser level, of half the size rounded up, and the mask of valid texels."""
     height, width = (values.shape[0] + 1) // 2, (values.shape[1] + 1) // 2
     coarse = np.empty((height, width, values.shape[2]), np.float32)
@@ -186,7 +182,7 @@ def _pushed(
     return coarse, coarse_mask
 
 
-def _pull(values: FloatImage, mask: BoolArray, coarse: FloatImage, threads: int | None) -> None:
+def _pull(values: Float32Array, mask: BoolArray, coarse: Float32Array, threads: int | None) -> None:
     """Fill `values` in place, outside `mask`, from the next coarser level."""
     work = partial(core.pull_texels, values, mask, coarse)
     run_bands(work, len(values), band=_FILL_BAND, threads=threads)

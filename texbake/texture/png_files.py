@@ -14,13 +14,12 @@ from __future__ import annotations
 import struct
 import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.files import PathLike
+from texbake.mesh.mesh import AnyArray
 from texbake.metadata import SIGNATURE
 from texbake.parallel import run_bands
 from texbake.texture.encoding import quantize_srgb, quantize_unsigned
@@ -34,7 +33,7 @@ _MOST_SHOWN = 1024  # pixels along a side of a picture in a notebook
 
 def write_png(
     path: PathLike,
-    codes: npt.NDArray[Any],
+    codes: AnyArray,
     *,
     srgb: bool = False,
     description: str = "",
@@ -47,11 +46,7 @@ def write_png(
 
 
 def png_parts(
-    codes: npt.NDArray[Any],
-    *,
-    srgb: bool = False,
-    description: str = "",
-    threads: int | None = None,
+    codes: AnyArray, *, srgb: bool = False, description: str = "", threads: int | None = None
 ) -> list[bytes]:
     """Return the bytes of a PNG file of codes (H, W, C), in parts; no search for repeats."""
     height, width, n_channels = codes.shape
@@ -68,7 +63,7 @@ def png_parts(
     return parts
 
 
-def picture_png(pixels: npt.NDArray[Any], *, is_color: bool, is_averaged: bool = True) -> bytes:
+def picture_png(pixels: AnyArray, *, is_color: bool, is_averaged: bool = True) -> bytes:
     """PNG of (H, W, C) for notebooks, at most 1,024 px; linear floats as sRGB if `is_color`."""
     height, width, n_channels = pixels.shape
     step = -(-max(height, width) // _MOST_SHOWN)
@@ -93,7 +88,7 @@ def _chunk(kind: bytes, data: bytes | memoryview) -> bytes:
     return b"".join((struct.pack(">I", len(data)), kind, data, struct.pack(">I", checksum)))
 
 
-def _compressed(codes: npt.NDArray[Any], threads: int | None) -> list[bytes]:
+def _compressed(codes: AnyArray, threads: int | None) -> list[bytes]:
     """Return the chunks with the pixels: a zlib stream in parts. Kernel: `core/png_rows.c`."""
     height, _, n_channels = codes.shape
     native = np.ascontiguousarray(codes, codes.dtype.newbyteorder("="))

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError, require_known, require_least
-from texbake.mesh.mesh import Float32Array
+from texbake.mesh.mesh import AnyArray, Float32Array
 from texbake.parallel import run_bands
 from texbake.texture.lookup import Wrap, border_values, wrap_codes
 from texbake.texture.mipmaps import MipChain, mip_chain, single_level
@@ -56,8 +56,8 @@ SUPERSAMPLES.flags.writeable = False
 
 def sample(
     chain: MipChain,
-    uvs: npt.NDArray[Any],
-    derivatives: npt.NDArray[Any] | None = None,
+    uvs: AnyArray,
+    derivatives: AnyArray | None = None,
     *,
     filter: str = "trilinear",  # noqa: A002  # what the field calls it
     wrap: Wrap = "repeat",
@@ -104,9 +104,9 @@ def sample(
 
 
 def sample_texture(
-    texture: MipChain | npt.NDArray[Any],
-    uvs: npt.NDArray[Any],
-    derivatives: npt.NDArray[Any] | None = None,
+    texture: MipChain | AnyArray,
+    uvs: AnyArray,
+    derivatives: AnyArray | None = None,
     *,
     filter: str = "bilinear",  # noqa: A002
     wrap: Wrap = "repeat",
@@ -138,7 +138,7 @@ def sample_texture(
 
 
 def mip_levels(
-    derivatives: npt.NDArray[Any], width: int, height: int, *, threads: int | None = None
+    derivatives: AnyArray, width: int, height: int, *, threads: int | None = None
 ) -> Float32Array:
     """(n,) mip level that `trilinear` reads, by derivatives (n, 4); negative if magnified."""
     changes = _readable(derivatives, np.float32, 4, "derivatives")
@@ -148,7 +148,7 @@ def mip_levels(
     return out
 
 
-def _readable(values: npt.NDArray[Any], dtype: Any, columns: int, name: str) -> npt.NDArray[Any]:
+def _readable(values: AnyArray, dtype: Any, columns: int, name: str) -> AnyArray:
     """Return a contiguous array; raise `OptionError` if it has another number of columns."""
     array = np.require(values, dtype, ["C", "A"])
     if array.ndim != 2 or array.shape[1] != columns:

@@ -9,11 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.texels import NO_FACE, UNIT, SampleGrid, Samples, snap_uvs
 from texbake.core import core
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, ByteArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.parallel import run_bands
 
 FINE = 8  # sub-squares along one side of a texel
@@ -23,16 +22,14 @@ BIN = 8  # texels along one side of the squares that share a list of faces
 
 N_CHECK_SAMPLES, _GENERATOR = 13, 8  # two consecutive Fibonacci numbers
 
-BoolArray = npt.NDArray[np.bool_]
-
 
 class FaceBins(NamedTuple):
     """Faces of the low-poly mesh, listed for each square of texels that they overlap."""
 
     # (F, 3, 2) int64; x to the right and y down, in units of which `TEXEL` make up a texel.
-    corners: npt.NDArray[np.int64]
+    corners: Int64Array
     # (bins + 1,) int64; where the faces of each square, or bin, begin.
-    firsts: npt.NDArray[np.int64]
+    firsts: Int64Array
     faces: IntArray  # (n,) int32; in their own order within each bin
     n_columns: int  # bins side by side
 
@@ -53,10 +50,10 @@ class TexelCoverage(NamedTuple):
     """How much of each texel is covered."""
 
     # (n_texels,) uint8; covered sub-squares, out of `FULL`; at least 1 where the center is covered.
-    counts: npt.NDArray[np.uint8]
+    counts: ByteArray
     # (n_texels,) int64; covered sub-squares of partly covered texels, one bit each, row by row from
     # bit 0.
-    masks: npt.NDArray[np.int64]
+    masks: Int64Array
 
     @classmethod
     def none(cls, n_texels: int) -> TexelCoverage:
@@ -88,7 +85,7 @@ def outlined_texels(bins: FaceBins, width: int, height: int) -> BoolArray:
     return outlined
 
 
-def _outlines(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+def _outlines(corners: Int64Array) -> Int64Array:
     """(E, 2, 2) edges that no face with an area has in the opposite direction."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     doubled = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
@@ -106,7 +103,7 @@ def _outlines(corners: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
 
 
 # Places, texels and spots of cells.
-SampledCells = tuple[IntArray, IntArray, npt.NDArray[np.uint8]]
+SampledCells = tuple[IntArray, IntArray, ByteArray]
 
 
 def cell_samples(
@@ -141,9 +138,7 @@ def cell_samples(
     return places[is_owned], samples.where(is_owned)
 
 
-def find_owners(
-    bins: FaceBins, points: npt.NDArray[np.int64]
-) -> tuple[IntArray, npt.NDArray[np.float64]]:
+def find_owners(bins: FaceBins, points: Int64Array) -> tuple[IntArray, FloatArray]:
     """Find the first face that owns each point (n, 2), in 1 / `TEXEL` of a texel.
 
     Returns `owners` (n,) int32, or `NO_FACE`; `weights` (n, 2) float64 of the second and third
@@ -154,9 +149,7 @@ def find_owners(
     return owners, weights
 
 
-def check_samples(
-    bins: FaceBins, width: int, texels: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.int64], Samples]:
+def check_samples(bins: FaceBins, width: int, texels: Int64Array) -> tuple[Int64Array, Samples]:
     """Place the `N_CHECK_SAMPLES` of some texels on a Fibonacci lattice, with (n,) ranks of texels.
 
     Based on: Sloan, Joe, "Lattice Methods for Multiple Integration", Oxford 1994, section 4.3.

@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.coverage import N_CHECK_SAMPLES, check_samples
 from texbake.baking.adaptive_texels.texel_error import (
@@ -23,19 +22,14 @@ from texbake.baking.adaptive_texels.texel_error import (
     refine,
 )
 from texbake.baking.adaptive_texels.texel_rounds import TexelRounds
-from texbake.baking.adaptive_texels.texel_sampler import (
-    LAST_LEVEL,
-    NO_CHART,
-    BoolArray,
-    FloatArray32,
-    TexelSampler,
-)
+from texbake.baking.adaptive_texels.texel_sampler import LAST_LEVEL, NO_CHART, TexelSampler
 from texbake.baking.maps import MapKind
 from texbake.baking.report import DistanceSummary
 from texbake.baking.texel_values import TexelSums
 from texbake.baking.texels import SampleGrid
 from texbake.baking.trace import Trace
 from texbake.core import portable_math as pm
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray
 from texbake.records import dataclass
 from texbake.sampling.report import (
     SamplingReport,
@@ -108,7 +102,7 @@ def cast_adaptively(
 def _report(
     sampler: TexelSampler,
     refined: Refinement,
-    means: dict[MapKind, FloatArray32],
+    means: dict[MapKind, Float32Array],
     has_data: BoolArray,
 ) -> BakeSampling:
     counts = sampler.trace.counts
@@ -137,7 +131,7 @@ def _report(
     )
 
 
-def _errors_of(item: BoundedMap, sampler: TexelSampler, refined: Refinement) -> FloatArray32:
+def _errors_of(item: BoundedMap, sampler: TexelSampler, refined: Refinement) -> Float32Array:
     """Estimated errors of one map, in its bound."""
     if len(refined.bounded) == 1:
         return refined.errors
@@ -164,7 +158,7 @@ class ValidationBake:
         self._hits = hits.where(hits.is_hit)
         self._ranks = ranks[hits.is_hit]
 
-    def differences(self, kind: MapKind, means: npt.NDArray[np.float32]) -> npt.NDArray[np.float64]:
+    def differences(self, kind: MapKind, means: Float32Array) -> FloatArray:
         """(n,) distances of means (height * width, C) from the second bake, where that hit."""
         values = kind.values(self._hits, self._inputs)
         n = len(self.texels)
@@ -178,6 +172,6 @@ class ValidationBake:
         return np.asarray(pm.norm(second - first, axis=1))
 
 
-def _units(vectors: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _units(vectors: FloatArray) -> FloatArray:
     lengths = pm.norm(vectors, axis=1, keepdims=True)
     return vectors / np.where(lengths > 0.0, lengths, 1.0)

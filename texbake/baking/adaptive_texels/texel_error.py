@@ -27,18 +27,15 @@ Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communic
 from __future__ import annotations
 
 import sys
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.coverage import TexelCoverage
 from texbake.baking.adaptive_texels.texel_sampler import (
     LAST_LEVEL,
     NO_CHILD,
-    BoolArray,
     Cells,
-    FloatArray32,
     Level,
     TexelSampler,
     in_tiles,
@@ -47,7 +44,7 @@ from texbake.baking.inputs import BakeInputs
 from texbake.baking.maps import MapKind
 from texbake.core import core, portable_math as pm
 from texbake.errors import OptionError
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import AnyArray, BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
@@ -66,13 +63,13 @@ class BoundedMap:
         """Unit in which errors of the map are reported."""
         return "deg" if self.kind.coding == "normal" else "model units"
 
-    def in_unit(self, differences: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    def in_unit(self, differences: AnyArray) -> FloatArray:
         """Convert differences between values to errors in `unit`."""
         if self.kind.coding != "normal":
             return np.asarray(differences, dtype=np.float64)
         return np.asarray(np.degrees(2.0 * pm.arcsin(np.minimum(differences / 2.0, 1.0))))
 
-    def summary(self, errors: npt.NDArray[Any], differences: npt.NDArray[Any]) -> ErrorSummary:
+    def summary(self, errors: AnyArray, differences: AnyArray) -> ErrorSummary:
         """Summarize `errors` in multiples of the bound, and the `differences` of a check."""
         measured, bound = self.in_unit(differences), float(self.in_unit(np.array(self.bound)))
         estimated = percentiles_of(errors * self.bound)
@@ -113,7 +110,7 @@ class Metric(NamedTuple):
 
     firsts: IntArray  # (maps + 1,) int32; first channel of each map, then the number of channels
     # (maps,) float64; 1 / bound of each map; 0 for maps without a bound.
-    scales: npt.NDArray[np.float64]
+    scales: FloatArray
 
 
 def metric_of(bounded: list[BoundedMap], kinds: list[MapKind]) -> Metric:
@@ -140,7 +137,7 @@ class TexelError:
     metric: Metric
     threads: int | None
 
-    def of_samples(self) -> tuple[FloatArray32, FloatArray32]:
+    def of_samples(self) -> tuple[Float32Array, Float32Array]:
         """Means (n_texels, C) of one sample per texel, and second differences (n_texels,).
 
         The differences are in bounds, and infinite where too little is known.
@@ -176,7 +173,7 @@ class TexelError:
         steps[partly] = judged
         return means, steps
 
-    def of_four(self, steps: FloatArray32, parents: IntArray, means: FloatArray32) -> FloatArray32:
+    def of_four(self, steps: Float32Array, parents: IntArray, means: Float32Array) -> Float32Array:
         """Errors of texels (n,) with four more samples, whose means (n_texels, C) it writes."""
         errors = np.empty(len(parents), dtype=np.float32)
         cells = self.cells
@@ -190,7 +187,7 @@ class TexelError:
         run_bands(judge, len(parents), band=1 << 16, threads=self.threads)
         return errors
 
-    def of_cells(self, k: int) -> FloatArray32:
+    def of_cells(self, k: int) -> Float32Array:
         """Estimate errors of the cells of the k-th level, without their children."""
         level = self.cells.levels[k - 1]
         errors = np.empty(len(level), dtype=np.float32)
@@ -207,7 +204,7 @@ class TexelError:
         return errors
 
     def divide(
-        self, level: Level, k: int, errors: FloatArray32, texel_errors: FloatArray32
+        self, level: Level, k: int, errors: Float32Array, texel_errors: Float32Array
     ) -> BoolArray:
         """Choose cells of the k-th level to divide, and add the errors of the others to texels."""
         divided = np.zeros(len(level), dtype=np.bool_)
@@ -217,7 +214,7 @@ class TexelError:
         )  # fmt: skip
         return divided
 
-    def of_divided(self) -> FloatArray32:
+    def of_divided(self) -> Float32Array:
         """Errors (n_texels,) of texels, divided as they are, of the map that is farthest off."""
         cells = self.cells
         means, steps = self.of_samples()
@@ -249,10 +246,10 @@ class Refinement:
 
     max_error: str  # the bounds
     bounded: list[BoundedMap]  # the maps that they bound
-    means: FloatArray32  # (n_texels, C) float32; means of texels with up to 4 samples
+    means: Float32Array  # (n_texels, C) float32; means of texels with up to 4 samples
     # (n_texels,) float32; estimated, in units of the bound, for the map where they are greatest.
-    errors: FloatArray32
-    finest: npt.NDArray[np.uint8]  # (n_texels,) uint8; level of the finest cells of each texel
+    errors: Float32Array
+    finest: ByteArray  # (n_texels,) uint8; level of the finest cells of each texel
 
     def add_means(self, sampler: TexelSampler) -> BoolArray:
         """Write the means of texels with more than 4 samples; return which texels have any."""

@@ -25,12 +25,12 @@ from texbake.baking.adaptive_texels.texel_sampler import (
     LAST_LEVEL,
     NO_CHART,
     Division,
-    FloatArray32,
     TexelSampler,
 )
 from texbake.baking.maps import MapKind
 from texbake.baking.options import BakeOptions
 from texbake.baking.texel_values import TexelSums, finished_maps
+from texbake.mesh.mesh import Float32Array
 from texbake.progress import Stages
 from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, parse_bounds
 from texbake.sampling.report import n_to_check
@@ -95,7 +95,7 @@ class TexelRounds:
             raise
         self._bound, self._divisions = bound, [sampler.cells.division]
 
-    def predicted_errors(self) -> tuple[FloatArray32, FloatArray32]:
+    def predicted_errors(self) -> tuple[Float32Array, Float32Array]:
         """Return estimated errors in closest bounds, and the samples that each costs."""
         if self._refined is None:
             return self._first_errors
@@ -189,7 +189,7 @@ def _closest_bounds(kinds: list[MapKind], max_error: str | None) -> ErrorBounds:
     return _CLOSEST if any(has_normals) else replace(_CLOSEST, angle=None)
 
 
-def _of_first_samples(steps: FloatArray32) -> tuple[FloatArray32, FloatArray32]:
+def _of_first_samples(steps: Float32Array) -> tuple[Float32Array, Float32Array]:
     """Errors of first samples above the closest bound, and the samples that each of them costs."""
     every = _texels_per_predicted(len(steps))
     steps = steps[::every]
@@ -205,7 +205,7 @@ def _texels_per_predicted(n_texels: int) -> int:
     return n_texels // _MOST_PREDICTED * 2 + 1
 
 
-def _further(refined: Refinement, bound: float) -> tuple[FloatArray32, FloatArray32]:
+def _further(refined: Refinement, bound: float) -> tuple[Float32Array, Float32Array]:
     """Errors after a round, in closest bounds, and the samples that each of them costs next."""
     every = _texels_per_predicted(len(refined.errors))
     errors = np.float32(bound) * refined.errors[::every]

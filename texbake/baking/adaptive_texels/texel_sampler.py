@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.adaptive_texels.coverage import (
     FULL,
@@ -29,16 +28,13 @@ from texbake.baking.report import DistanceSummary
 from texbake.baking.texels import NO_FACE, SampleGrid, Samples, owned_bands
 from texbake.baking.trace import Trace
 from texbake.core import core
-from texbake.mesh.mesh import IntArray
+from texbake.mesh.mesh import BoolArray, ByteArray, Float32Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 
 NO_CHART = -1
 NO_CHILD = -1
 LAST_LEVEL = 3  # 64 cells per texel
-
-FloatArray32 = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +44,8 @@ class Level:
     first: int  # place of the first one among all cells; the others follow
     texels: IntArray  # (n,) int32; row times width plus column
     # (n,) uint8; `FINE` times row plus column of the cell within its texel.
-    spots: npt.NDArray[np.uint8]
-    weights: npt.NDArray[np.uint8]  # (n,) uint8; how many of its sub-squares are covered
+    spots: ByteArray
+    weights: ByteArray  # (n,) uint8; how many of its sub-squares are covered
     # Each (n,) int32; place of the same cell in each earlier division whose samples are reused,
     # `NO_CHILD` for none.
     origins: list[IntArray]
@@ -162,7 +158,7 @@ class Cells:
         return cells
 
     def keep(
-        self, places: IntArray, charts: IntArray, values: FloatArray32, first_channel: int,
+        self, places: IntArray, charts: IntArray, values: Float32Array, first_channel: int,
         threads: int | None,
     ) -> None:  # fmt: skip
         """Keep the values of some cells of one map, whose channels begin at `first_channel`."""
@@ -175,7 +171,7 @@ class Cells:
 
         run_bands(keep, len(places), band=1 << 16, threads=threads)
 
-    def firsts(self, n_texels: int, channels: slice) -> FloatArray32:
+    def firsts(self, n_texels: int, channels: slice) -> Float32Array:
         """(n_texels, C) float32: value of the first sample of each texel that hit, or 0."""
         values = np.zeros((n_texels, channels.stop - channels.start), dtype=np.float32)
         is_set = self.charts[:n_texels] != NO_CHART

@@ -9,7 +9,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.result import classes_picture
 from texbake.baking.texel_values import ChartPadding
@@ -26,7 +25,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import UvError, counted
 from texbake.files import PathLike
 from texbake.mapping.seams import chart_ids
-from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, ByteArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 from texbake.texture.image import write_image
@@ -157,7 +156,7 @@ class TextureBake:
         """(H, W) bool: texels that the mesh covers but no photograph shows."""
         return (self.texel_faces >= 0) & ~self.has_color
 
-    def unseen_map(self) -> npt.NDArray[np.uint8]:
+    def unseen_map(self) -> ByteArray:
         """(H, W, 3) uint8 picture: gray outside the charts, green where seen, red where unseen."""
         return classes_picture(self.texel_faces, self.unseen)
 

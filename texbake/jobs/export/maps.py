@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.baking.maps import MAP_NAMES
 from texbake.errors import FileError, OptionError, quoted, similar
 from texbake.files import PathLike, is_folder, replacing
 from texbake.jobs.export.programs import KINDS, ExportedMap, ExportOptions
+from texbake.mesh.mesh import Float32Array
 from texbake.metadata import CONVENTION, DISPLACEMENT_MID, DISPLACEMENT_SCALE, SPACE
 from texbake.targets import PROGRAMS, Target
 from texbake.texture.dds import write_dds
@@ -170,7 +170,7 @@ def _level_of(stem: str) -> str:
     return found[1] if found else ""
 
 
-def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
+def normal_vectors(image: Image, convention: str) -> Float32Array:
     """(H, W, 3) vectors of a tangent-space map, y up, not normalized; flat ones are exact."""
     if image.pixels.shape[2] < 3:
         raise OptionError(f"{image.name}: a normal map has three channels; give another image")
@@ -189,7 +189,7 @@ def normal_vectors(image: Image, convention: str) -> npt.NDArray[np.float32]:
     return vectors
 
 
-def heights_of(image: Image) -> tuple[npt.NDArray[np.float32], str | None]:
+def heights_of(image: Image) -> tuple[Float32Array, str | None]:
     """(H, W) heights of a displacement map in model units, and a note on what was assumed."""
     levels = image.pixels[..., 0]
     mid, scale = image.metadata.get(DISPLACEMENT_MID), image.metadata.get(DISPLACEMENT_SCALE)
@@ -333,21 +333,19 @@ class Converter:
             threads=self.options.threads,
         )
 
-    def _write_texture(
-        self, pixels: npt.NDArray[np.float32], path: Path, kind: str, blocks: str
-    ) -> None:
+    def _write_texture(self, pixels: Float32Array, path: Path, kind: str, blocks: str) -> None:
         threads = self.options.threads
         if path.suffix == ".dds":
             write_dds(pixels, path, block_format=blocks, kind=kind, threads=threads)
         else:
             write_image(pixels, path, color=kind == "color", bits=8, threads=threads)
 
-    def _normals(self, source: SourceMap) -> tuple[npt.NDArray[np.float32], int]:
+    def _normals(self, source: SourceMap) -> tuple[Float32Array, int]:
         """Return the vectors, and the bits per channel that a PNG file needs for them."""
         image = read_image(source.path, color=False, threads=self.options.threads)
         return normal_vectors(image, self.options.convention), 8 if image.bits == 8 else 16
 
-    def _data(self, source: SourceMap) -> npt.NDArray[np.float32]:
+    def _data(self, source: SourceMap) -> Float32Array:
         """(H, W) values in [0, 1] of a map of one channel."""
         image = read_image(source.path, color=False, threads=self.options.threads)
         if source.channel is None:

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
-from texbake.mesh.mesh import MAX_CORNERS, BoolArray, Float32Array, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import (
+    MAX_CORNERS,
+    AnyArray,
+    BoolArray,
+    Float32Array,
+    FloatArray,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.weld import weld_rows
 from texbake.metadata import CONVENTION, SIGNATURE, SPACE, from_description, png_description
 
 
-def strip_triangles(indices: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def strip_triangles(indices: AnyArray) -> AnyArray:
     """(F, 3) corners of triangle strips, wound alike; -1 in `indices` (n,) begins another strip.
 
     >>> strip_triangles(np.array([0, 1, 2, 3, -1, 4, 5, 6])).tolist()
@@ -48,7 +54,7 @@ def check_corner_count(n_corners: int, path: PathLike) -> None:
         )
 
 
-def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArray[Any]:
+def finite_rows(path: PathLike, rows: AnyArray, field: str) -> AnyArray:
     """Replace rows (n, k) that are not finite with zeros, and warn with their number."""
     is_bad = rows_not_finite(rows)
     if not is_bad.any():
@@ -61,8 +67,8 @@ def finite_rows(path: PathLike, rows: npt.NDArray[Any], field: str) -> npt.NDArr
 
 
 def finite_vertices(
-    path: PathLike, positions: FloatArray, faces: IntArray, colors: npt.NDArray[Any] | None = None
-) -> tuple[FloatArray, IntArray, npt.NDArray[Any] | None]:
+    path: PathLike, positions: FloatArray, faces: IntArray, colors: AnyArray | None = None
+) -> tuple[FloatArray, IntArray, AnyArray | None]:
     """Drop unused vertices that are not finite with a warning; `Mesh` refuses those in use."""
     is_bad = rows_not_finite(positions)
     if not is_bad.any() or faces.size == 0 or faces.min() < 0 or faces.max() >= len(positions):
@@ -79,13 +85,12 @@ def warn_unused(path: PathLike, count: str) -> None:
     warn_of(path, f"{count} vertices are not finite; no face uses them, and they are left out")
 
 
-def rows_not_finite(rows: npt.NDArray[Any]) -> BoolArray:
+def rows_not_finite(rows: AnyArray) -> BoolArray:
     """(n,) whether each row has a number that is not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(rows.sum()):  # a finite sum has only finite terms
             return np.zeros(len(rows), np.bool_)
-    is_bad: BoolArray = ~np.isfinite(rows).all(axis=1)
-    return is_bad
+    return np.asarray(~np.isfinite(rows).all(axis=1))
 
 
 def _count(is_bad: BoolArray) -> str:

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike
@@ -39,7 +38,7 @@ from texbake.mesh.files.fbx_scene import (
 from texbake.mesh.files.source import decode_name
 from texbake.mesh.files.unread_parts import unread_parts, warn_of_fbx
 from texbake.mesh.hard_edges import Polygons, smoothed_normals
-from texbake.mesh.mesh import FloatArray, Int64Array, Mesh
+from texbake.mesh.mesh import AnyArray, FloatArray, Int64Array, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners, unique_rows
 from texbake.records import dataclass
@@ -333,7 +332,7 @@ def _looked_up(table: Int64Array, places: Int64Array) -> Int64Array:
     return found
 
 
-def _integers(values: npt.NDArray[Any]) -> Int64Array:
+def _integers(values: AnyArray) -> Int64Array:
     """Return values as integers; any other value becomes an integer that no array has."""
     if values.dtype.kind in "iu":
         return values.astype(np.int64)

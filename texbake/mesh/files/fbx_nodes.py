@@ -28,15 +28,8 @@ import numpy.typing as npt
 
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
-from texbake.mesh.files.source import (
-    ByteArray,
-    Cursor,
-    decode_name,
-    line_number,
-    parse_numbers,
-    text_of,
-)
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.files.source import Cursor, decode_name, line_number, parse_numbers, text_of
+from texbake.mesh.mesh import ByteArray, FloatArray
 
 # Nodes whose children are never used, and are skipped, however many there are.
 UNREAD_NODES = frozenset({

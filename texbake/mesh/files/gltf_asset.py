@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake import __version__
 from texbake.errors import FileFormatError
@@ -35,7 +34,7 @@ from texbake.mesh.files.gltf_compression import (
     encode_triangles,
     encode_vertices,
 )
-from texbake.mesh.mesh import Int64Array
+from texbake.mesh.mesh import AnyArray, Int64Array
 
 _VERTICES, _INDICES = 34962, 34963  # targets of a buffer view
 _COMPONENTS = {dtype.name: code for code, dtype in gltf.COMPONENTS.items()}
@@ -110,7 +109,7 @@ class GltfAsset:
         return len(self._json["meshes"]) - 1
 
     def add_primitive(
-        self, columns: dict[str, npt.NDArray[Any]], indices: Int64Array, material: int
+        self, columns: dict[str, AnyArray], indices: Int64Array, material: int
     ) -> dict[str, Any]:
         """Add the arrays of a primitive, with (3 F,) indices, and return it."""
         attributes = {
@@ -130,11 +129,11 @@ class GltfAsset:
             "material": material,
         }
 
-    def add_morph(self, columns: dict[str, npt.NDArray[Any]]) -> dict[str, int]:
+    def add_morph(self, columns: dict[str, AnyArray]) -> dict[str, int]:
         """Add the displacements (n, 3) of a morph target; sparse where many rows are zero."""
         return {name: self._add_displacements(name, rows) for name, rows in columns.items()}
 
-    def _add_displacements(self, name: str, rows: npt.NDArray[Any]) -> int:
+    def _add_displacements(self, name: str, rows: AnyArray) -> int:
         bounded = name == "POSITION"
         moved = np.flatnonzero(rows.any(axis=1))
         if len(moved) > _MOST_SPARSE * len(rows):
@@ -151,7 +150,7 @@ class GltfAsset:
         }  # fmt: skip
         return self._add_accessor(rows, _VERTICES, bounded=bounded, sparse=sparse)
 
-    def add_array(self, rows: npt.NDArray[Any], *, bounded: bool = False) -> int:
+    def add_array(self, rows: AnyArray, *, bounded: bool = False) -> int:
         """Add the rows of an array that are not vertices, uncompressed."""
         view = self._add_view(np.ascontiguousarray(rows).tobytes())
         return self._add_accessor(rows, 0, bounded=bounded, bufferView=view)
@@ -213,7 +212,7 @@ class GltfAsset:
 
     def _add_accessor(
         self,
-        values: npt.NDArray[Any],
+        values: AnyArray,
         target: int,
         *,
         bounded: bool = False,
@@ -235,7 +234,7 @@ class GltfAsset:
         self._json["accessors"].append(accessor)
         return len(self._json["accessors"]) - 1
 
-    def _add_rows(self, values: npt.NDArray[Any], target: int) -> int:
+    def _add_rows(self, values: AnyArray, target: int) -> int:
         """Add the rows of an array as a buffer view, compressed if the asset is."""
         padding = 0
         if target == _VERTICES:  # whose rows are a multiple of 4 bytes

@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from texbake.errors import MeshError, quoted, require_library
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import FloatArray, Int64Array, Mesh
+from texbake.mesh.mesh import AnyArray, ByteArray, FloatArray, Int64Array, Mesh
 from texbake.records import dataclass
 
 EXTENSION = "EXT_meshopt_compression"
@@ -43,14 +43,14 @@ _FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat
 _GREATEST_RATIO, _HEAD = 64, 1024
 
 
-def encode_vertices(values: npt.NDArray[Any]) -> bytes:
+def encode_vertices(values: AnyArray) -> bytes:
     """Bytes of the rows of an array, each of a multiple of four bytes, at most 256."""
     meshoptimizer = _library()
     meshoptimizer.encode_vertex_version(0)  # the library's state, so said each time
     return bytes(meshoptimizer.encode_vertex_buffer(np.ascontiguousarray(values)))
 
 
-def encode_triangles(indices: npt.NDArray[Any], n_vertices: int) -> bytes:
+def encode_triangles(indices: AnyArray, n_vertices: int) -> bytes:
     """Bytes of corner indices (3 F,); each triangle may come back with another corner first."""
     meshoptimizer = _library()
     meshoptimizer.encode_index_version(1)
@@ -72,8 +72,8 @@ def ordered_triangles(indices: Int64Array, n_vertices: int) -> tuple[Int64Array,
 
 
 def decode_view(
-    data: npt.NDArray[np.uint8], *, mode: str, filter_name: str, count: int, stride: int
-) -> npt.NDArray[np.uint8] | str:
+    data: ByteArray, *, mode: str, filter_name: str, count: int, stride: int
+) -> ByteArray | str:
     """(count * stride,) bytes of a compressed view (n,), or in words why there are none."""
     if count * stride > _GREATEST_RATIO * len(data) + _HEAD:
         return f"a compressed view claims {count * stride} bytes, more than {len(data)} can hold"
@@ -184,7 +184,7 @@ class Quantization:
         matrix[:3, 3] = self.positions.corner
         return matrix
 
-    def uvs(self, uv_set: int, turned: FloatArray) -> npt.NDArray[Any]:
+    def uvs(self, uv_set: int, turned: FloatArray) -> AnyArray:
         """Codes of texture coordinates, v down; floats of a set that stays as it is."""
         grid = self.uv_grids.get(uv_set, _UNIT_SQUARE)
         return turned.astype(np.float32) if grid is None else grid.codes(turned)
@@ -203,11 +203,11 @@ class Quantization:
 _UNIT_SQUARE = Grid(np.zeros(2), 1.0 / _STEPS)
 
 
-def unit_codes(values: npt.NDArray[Any]) -> npt.NDArray[np.int8]:
+def unit_codes(values: AnyArray) -> npt.NDArray[np.int8]:
     """Components in [-1, 1] as normalized signed bytes."""
     return np.rint(127.0 * values).astype(np.int8)
 
 
-def color_codes(values: npt.NDArray[Any]) -> npt.NDArray[np.uint8]:
+def color_codes(values: AnyArray) -> ByteArray:
     """Components in [0, 1] as normalized bytes."""
     return np.rint(255.0 * values).astype(np.uint8)

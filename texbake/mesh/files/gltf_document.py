@@ -26,8 +26,8 @@ from texbake.files import PathLike
 from texbake.limits import file_beside, real_path
 from texbake.mesh.files.gltf_compression import DRACO, EXTENSION, decode_view
 from texbake.mesh.files.reader_process import read_in_child
-from texbake.mesh.files.source import ByteArray, Cursor, parsed, read_array, without_cycle_search
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.files.source import Cursor, parsed, read_array, without_cycle_search
+from texbake.mesh.mesh import AnyArray, ByteArray, FloatArray
 from texbake.records import dataclass
 
 MAGIC = b"glTF"
@@ -61,7 +61,7 @@ FLIP = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
 
 
 # Attributes (n, width) by the numbers that the file gives them, and the (3 F,) uint32 corners.
-DracoMesh = tuple[dict[int, npt.NDArray[Any]], npt.NDArray[np.uint32]]
+DracoMesh = tuple[dict[int, AnyArray], npt.NDArray[np.uint32]]
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class Document:
             self.fail(f"{quoted(key)} is not a list of names")
         return values
 
-    def accessor(self, index: Any) -> npt.NDArray[Any]:
+    def accessor(self, index: Any) -> AnyArray:
         """(count, width) values: floats as they are, normalized integers as float64."""
         accessor = self.item("accessors", index)
         count = self.integer(accessor, "count")
@@ -169,7 +169,7 @@ class Document:
             values = self._replaced(values.copy(), self.mapping(accessor, "sparse"))
         return self.denormalized(accessor, values)
 
-    def denormalized(self, accessor: dict[str, Any], values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    def denormalized(self, accessor: dict[str, Any], values: AnyArray) -> AnyArray:
         """Values of an accessor as float64 where it calls its integers normalized."""
         if accessor.get("normalized") is True and values.dtype.kind in "iu":
             return np.maximum(values / float(np.iinfo(values.dtype).max), -1.0)
@@ -256,7 +256,7 @@ class Document:
 
     def _read(
         self, place: dict[str, Any], count: int, dtype: np.dtype[Any], width: int
-    ) -> npt.NDArray[Any]:
+    ) -> AnyArray:
         """(count, width) view of values at a place in a buffer view, also with others between."""
         index = place.get("bufferView")
         data = self.view_bytes(index)
@@ -270,7 +270,7 @@ class Document:
             return np.zeros((0, width), dtype)
         return np.ndarray((count, width), dtype, data, offset, strides=(stride, dtype.itemsize))
 
-    def _replaced(self, values: npt.NDArray[Any], sparse: dict[str, Any]) -> npt.NDArray[Any]:
+    def _replaced(self, values: AnyArray, sparse: dict[str, Any]) -> AnyArray:
         count = self.integer(sparse, "count")
         places = self.mapping(sparse, "indices")
         rows = self._read(places, count, self._component(places), 1)[:, 0]

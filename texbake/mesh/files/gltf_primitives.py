@@ -14,7 +14,6 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.child import LIMITS
 from texbake.errors import FileFormatError, MeshError, quoted, require_library, warn_of
@@ -23,7 +22,7 @@ from texbake.mesh.deformation import Deformation, Morph, largest_weights
 from texbake.mesh.files.conversion import finite_rows, rows_not_finite, strip_triangles, warn_unused
 from texbake.mesh.files.gltf_compression import DRACO
 from texbake.mesh.files.gltf_document import Document, DracoMesh, read_document
-from texbake.mesh.mesh import FloatArray, IntArray, UvSet, require_few_sets
+from texbake.mesh.mesh import AnyArray, FloatArray, IndexArray, IntArray, UvSet, require_few_sets
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
@@ -57,7 +56,7 @@ class PrimitiveRequest(NamedTuple):
 class _Arrays(NamedTuple):
     """Arrays of a primitive by the names of attributes, and the (F, 3) corners of its triangles."""
 
-    attributes: dict[str, npt.NDArray[Any]]
+    attributes: dict[str, AnyArray]
     corners: IntArray
 
 
@@ -105,9 +104,9 @@ def _read_arrays(document: Document, request: PrimitiveRequest) -> _Arrays | Non
     return _Arrays(arrays, corners) if len(corners) else None
 
 
-def _motions(source: _PrimitiveSource, n: int) -> dict[str, npt.NDArray[Any]]:
+def _motions(source: _PrimitiveSource, n: int) -> dict[str, AnyArray]:
     """Joints, weights and targets `TARGET_0` ... of n vertices, without damaged arrays."""
-    arrays: dict[str, npt.NDArray[Any]] = {}
+    arrays: dict[str, AnyArray] = {}
     bindings = set(filter(_BINDING.fullmatch, source.accessors))
     try:
         for number in sorted(name[7:] for name in bindings if name.startswith("JOINTS_")):
@@ -134,7 +133,7 @@ def _warn_left_out(document: Document, what: str, error: FileFormatError) -> Non
     warn_of(document.path, f"left out {what}: {str(error).removeprefix(f'{document.path}: ')}")
 
 
-def _deformation(values: dict[str, npt.NDArray[Any]]) -> Deformation | None:
+def _deformation(values: dict[str, AnyArray]) -> Deformation | None:
     """Deformation by the arrays of a primitive; joints are numbered as in the skin."""
     columns = {
         kind: [rows for name, rows in sorted(values.items()) if name.startswith(f"{kind}_")]
@@ -152,7 +151,7 @@ def _deformation(values: dict[str, npt.NDArray[Any]]) -> Deformation | None:
 
 
 def _cut(
-    motion: Deformation | None, kept: npt.NDArray[np.intp], bounds: IntArray
+    motion: Deformation | None, kept: IndexArray, bounds: IntArray
 ) -> list[Deformation | None]:
     """Deformation of the welded vertices of each part of a batch."""
     parts = pairwise(bounds.tolist())
@@ -219,7 +218,7 @@ def _weld(
     ]
 
 
-def _pieces(rows: npt.NDArray[Any] | None, bounds: IntArray) -> list[Any]:
+def _pieces(rows: AnyArray | None, bounds: IntArray) -> list[Any]:
     """Rows of each run between bounds; None for each where there are none."""
     if rows is None:
         return [None] * (len(bounds) - 1)
@@ -286,10 +285,10 @@ class _PrimitiveSource:
 
     document: Document
     accessors: dict[str, Any]  # accessor of each
-    decoded: dict[str, npt.NDArray[Any]]  # those that a compressed primitive holds in their place
+    decoded: dict[str, AnyArray]  # those that a compressed primitive holds in their place
     targets: list[dict[str, Any]]  # morph targets
 
-    def read(self, name: str, widths: tuple[int, ...], count: int | None) -> npt.NDArray[Any]:
+    def read(self, name: str, widths: tuple[int, ...], count: int | None) -> AnyArray:
         """(count, width) values of an attribute."""
         values = self._values(name)
         if values.shape[1] not in widths:
@@ -298,7 +297,7 @@ class _PrimitiveSource:
             self.document.fail(f"{name} counts {len(values)}, where there are {count} positions")
         return values
 
-    def indices(self, n_vertices: int) -> npt.NDArray[Any]:
+    def indices(self, n_vertices: int) -> AnyArray:
         """(n,) vertices of corners."""
         if INDICES not in self.accessors:
             return np.arange(n_vertices)
@@ -311,7 +310,7 @@ class _PrimitiveSource:
             )
         return indices[:, 0]
 
-    def _values(self, name: str) -> npt.NDArray[Any]:
+    def _values(self, name: str) -> AnyArray:
         if name not in self.decoded:
             return self.document.accessor(self.accessors[name])
         if self.accessors[name] is None:
@@ -384,7 +383,7 @@ def _finite_positions(document: Document, positions: FloatArray, corners: IntArr
     return np.where(is_bad[:, None], positions[corners[0, 0]], positions)
 
 
-def _triangles(indices: npt.NDArray[Any], mode: int) -> IntArray:
+def _triangles(indices: AnyArray, mode: int) -> IntArray:
     """(F, 3) corners of a list, a strip or a fan; an incomplete triangle at the end is dropped."""
     indices = indices.astype(np.int32)
     if mode == TRIANGLES:

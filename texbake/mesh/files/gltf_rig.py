@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileFormatError, counted, quoted, warn_of
 from texbake.files import PathLike
@@ -21,6 +20,7 @@ from texbake.mesh.files.gltf_document import Document, read_document
 from texbake.mesh.files.gltf_primitives import morph_targets
 from texbake.mesh.files.source import without_cycle_search
 from texbake.mesh.files.unread_parts import LIGHTS
+from texbake.mesh.mesh import Float32Array, FloatArray
 from texbake.mesh.rig import Rig, RigObject, node_fields, node_matrix
 
 _VISIBILITY = "KHR_node_visibility"
@@ -45,7 +45,7 @@ class _RigReader:
     def __init__(self, document: Document, placed: SceneNodes) -> None:
         self.document, self.placed = document, placed
         self.numbers = {index: place for place, index in enumerate(placed.indices)}
-        self.arrays: dict[int, npt.NDArray[np.float32]] = {}
+        self.arrays: dict[int, Float32Array] = {}
         self.n_bytes = 0  # of the arrays
         self.meshes: dict[int, tuple[dict[str, Any], int]] = {}  # fields and targets of each
         self.n_extras = 0
@@ -145,11 +145,7 @@ class _RigReader:
         return content
 
     def _object(
-        self,
-        place: int,
-        node: dict[str, Any],
-        content: dict[str, Any],
-        matrix: npt.NDArray[np.float64],
+        self, place: int, node: dict[str, Any], content: dict[str, Any], matrix: FloatArray
     ) -> RigObject:
         is_first = node["mesh"] not in self.meshes
         if is_first:

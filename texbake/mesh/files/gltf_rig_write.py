@@ -13,14 +13,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.files.gltf_asset import GltfAsset
 from texbake.mesh.files.gltf_compression import Quantization
 from texbake.mesh.files.gltf_vertices import Frame
 from texbake.mesh.files.unread_parts import LIGHTS
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, RigObject, inverse, matrix_field
 
 
@@ -36,7 +35,7 @@ class RigWriter:
         self._with_targets: set[int] = set()  # meshes with morph targets
         self._accessors: dict[tuple[int, bool], int] = {}  # of the arrays of the rig, written once
 
-    def frame(self, item: RigObject, mesh: Mesh, faces: npt.NDArray[np.intp]) -> Frame:
+    def frame(self, item: RigObject, mesh: Mesh, faces: IndexArray) -> Frame:
         """Return the space in which the faces of an object are written."""
         skin = self.nodes[item.node].get("skin")
         joints = None
@@ -212,7 +211,7 @@ class _Skins:
 
     def __init__(self, rig: Rig) -> None:
         self.joints: list[list[int]] = []
-        self.matrices: list[npt.NDArray[Any]] = []
+        self.matrices: list[AnyArray] = []
         self._n_nodes = len(rig.nodes)
         stored = {rig.nodes[item.node].get("skin"): item.matrix for item in rig.objects.values()}
         for number, skin in enumerate(rig.content.get("skins", ())):

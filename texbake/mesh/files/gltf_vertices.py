@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
@@ -29,14 +28,21 @@ from texbake.mesh.files.gltf_compression import (
 )
 from texbake.mesh.files.gltf_material_write import uv_numbers
 from texbake.mesh.materials import UNPLACED, Materials, Placing
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    Float32Array,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.normals import shading_normals
 from texbake.mesh.tangents import corner_tangents, image_axes
 from texbake.mesh.weld import row_sums, unique_rows
 from texbake.records import dataclass
 
-FloatColumns = npt.NDArray[np.float32]
-Columns = dict[str, npt.NDArray[Any]]
+Columns = dict[str, AnyArray]
 _CODES = {"NORMAL": unit_codes, "TANGENT": unit_codes, "COLOR_0": color_codes}
 
 
@@ -80,12 +86,7 @@ class CornerVertices:
     _tangents: dict[tuple[int, Placing], Float32Array] = field(default_factory=dict)
 
     def stream(
-        self,
-        faces: npt.NDArray[np.intp],
-        material: int,
-        *,
-        compress: bool,
-        frame: Frame | None = None,
+        self, faces: IndexArray, material: int, *, compress: bool, frame: Frame | None = None
     ) -> Vertices:
         """Vertices of faces of one material, in the space of a node `frame` if they hang on one."""
         if self.quantization is not None and frame is not None and frame.is_rigid:
@@ -111,9 +112,7 @@ class CornerVertices:
             morphs = list(self._morphs(vertices[kept], rows, frame))
         return Vertices(columns, indices, morphs)
 
-    def _columns(
-        self, faces: npt.NDArray[np.intp], material: int, frame: Frame | None = None
-    ) -> Columns:
+    def _columns(self, faces: IndexArray, material: int, frame: Frame | None = None) -> Columns:
         """(3 F, width) values of each attribute at each corner of some faces."""
         mesh, quantization = self.mesh, self.quantization
         normals, normal_faces = self._normals
@@ -313,7 +312,7 @@ class CornerVertices:
         return self._tangents[key]
 
 
-def _sound_tangents(tangents: Float32Array, normals: FloatArray) -> FloatColumns:
+def _sound_tangents(tangents: Float32Array, normals: FloatArray) -> Float32Array:
     """Unit tangents with w of 1 or -1; where there is none, some perpendicular to the normal."""
     # The coordinate axis that is least along the normal spans a plane with it.
     axes = np.eye(3)[np.abs(normals).argmin(axis=1)]

@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import OptionError, UvError, first_few, warn_of
@@ -37,7 +36,7 @@ from texbake.mesh.files.gltf_mesh_materials import VARIANTS
 from texbake.mesh.files.gltf_rig_write import RigWriter
 from texbake.mesh.files.gltf_vertices import CornerVertices, Frame
 from texbake.mesh.materials import Materials
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import IndexArray, Mesh
 from texbake.mesh.rig import Rig, RigObject
 
 # Share of the picture's area that the finest level is shown from on; each next one from a quarter
@@ -167,7 +166,7 @@ def _add_objects(
     vertices = CornerVertices(mesh, np.zeros(3), materials, quantization, tangents)
     writer, places = _PrimitiveWriter(asset, vertices), RigWriter(asset, rig, quantization)
     extras = vertices.uv_set_names().get("extras", {})
-    objects: dict[int, tuple[RigObject, str, list[npt.NDArray[np.intp]]]] = {}
+    objects: dict[int, tuple[RigObject, str, list[IndexArray]]] = {}
     for number, group, faces in _groups(mesh, name):
         item = rig.object_of(number, mesh)
         assert item is not None
@@ -195,15 +194,11 @@ class _PrimitiveWriter:
         # indices of materials in the file, by their numbers and the units of their thickness
         self._written: dict[tuple[int, str], int] = {}
 
-    def primitives(
-        self, faces: npt.NDArray[np.intp], frame: Frame | None = None
-    ) -> list[dict[str, Any]]:
+    def primitives(self, faces: IndexArray, frame: Frame | None = None) -> list[dict[str, Any]]:
         """Add the primitives of some faces, one for each material."""
         return [self._primitive(faces, number, frame) for number in np.unique(self._ids[faces])]
 
-    def _primitive(
-        self, faces: npt.NDArray[np.intp], number: int, frame: Frame | None
-    ) -> dict[str, Any]:
+    def _primitive(self, faces: IndexArray, number: int, frame: Frame | None) -> dict[str, Any]:
         asset, part = self.asset, faces[self._ids[faces] == number]
         with np.errstate(over="ignore"):
             found = self.vertices.stream(part, number, compress=asset.is_compressed, frame=frame)
@@ -246,7 +241,7 @@ def _node_unit(frame: Frame | None) -> float:
     return float(pm.power(volume, -1.0 / 3.0)) if volume > 0.0 else 1.0
 
 
-def _groups(mesh: Mesh, name: str) -> Iterator[tuple[int, str, npt.NDArray[np.intp]]]:
+def _groups(mesh: Mesh, name: str) -> Iterator[tuple[int, str, IndexArray]]:
     """Number, name and faces of each group that has some."""
     if mesh.face_groups is None:
         yield 0, name, np.arange(mesh.n_faces)

@@ -39,7 +39,6 @@ from texbake.mesh.files.conversion import finite_rows, finite_vertices, unit_col
 from texbake.mesh.files.obj_write import read_uv_sets
 from texbake.mesh.files.source import (
     POWERS_OF_FIVE,
-    ByteArray,
     decode_name,
     line_number,
     read_array,
@@ -47,7 +46,7 @@ from texbake.mesh.files.source import (
     text_of,
 )
 from texbake.mesh.hard_edges import Polygons, with_smoothing_groups
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import ByteArray, Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import triangulated
 from texbake.parallel import run_bands
 

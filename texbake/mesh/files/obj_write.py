@@ -16,7 +16,7 @@ from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, appearing_together, is_file, remove_file, replacing
 from texbake.mesh.files.source import write_lists, write_rows
-from texbake.mesh.mesh import Int64Array, IntArray, Mesh, UvSet
+from texbake.mesh.mesh import ByteArray, Int64Array, IntArray, Mesh, UvSet
 from texbake.mesh.polygons import Outlines, outlines, triangulated
 
 
@@ -168,7 +168,7 @@ def read_uv_sets(path: PathLike, faces: IntArray) -> dict[str, UvSet]:
     return sets
 
 
-def _checksum(faces: IntArray) -> npt.NDArray[np.uint8]:
+def _checksum(faces: IntArray) -> ByteArray:
     import hashlib  # few files need it
 
     return np.frombuffer(hashlib.sha256(faces.tobytes()).digest(), np.uint8)

@@ -28,14 +28,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_triangles
 from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, read_header
 from texbake.mesh.files.source import parse_numbers, read_array
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.polygons import outlines, triangulated
 from texbake.mesh.weld import split_vertices, unique_corners, values_of_vertices
 
@@ -53,7 +52,7 @@ def read_ply(path: PathLike) -> Mesh:
     """Read a PLY file; see the module for which properties are used."""
     data = read_array(path)
     header = read_header(path, data)
-    body: npt.NDArray[Any] = data[header.end :]
+    body: AnyArray = data[header.end :]
     if header.order == "":
         body = parse_numbers(path, data, header.end).values
     tables: dict[str, Columns] = {}
@@ -170,7 +169,7 @@ def read_polygons(path: PathLike, polygons: Columns, name: str) -> tuple[Int64Ar
     return sizes, _as_indices(path, indices)
 
 
-def _strip_faces(path: PathLike, column: npt.NDArray[Any] | ListColumn) -> IntArray:
+def _strip_faces(path: PathLike, column: AnyArray | ListColumn) -> IntArray:
     """(F, 3) triangles of triangle strips, each row a strip or several with -1 between them."""
     sizes, values = _flattened(column)
     indices = _as_indices(path, values)
@@ -180,7 +179,7 @@ def _strip_faces(path: PathLike, column: npt.NDArray[Any] | ListColumn) -> IntAr
     return kept
 
 
-def _flattened(column: npt.NDArray[Any] | ListColumn) -> tuple[Int64Array, npt.NDArray[Any]]:
+def _flattened(column: AnyArray | ListColumn) -> tuple[Int64Array, AnyArray]:
     """Length of each list, and all values after each other."""
     if isinstance(column, ListColumn):
         return column.sizes, column.values
@@ -189,7 +188,7 @@ def _flattened(column: npt.NDArray[Any] | ListColumn) -> tuple[Int64Array, npt.N
     return np.full(len(column), column.shape[1], dtype=np.int64), column.flatten()
 
 
-def _as_indices(path: PathLike, values: npt.NDArray[Any]) -> IntArray:
+def _as_indices(path: PathLike, values: AnyArray) -> IntArray:
     values = np.require(values, requirements=["C", "A"])  # a column's rows may not be aligned
     if values.dtype == np.int32:
         return values
@@ -239,9 +238,7 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
 _TYPES = {"u1": "uchar", "i4": "int", "f4": "float", "f8": "double"}
 
 
-def _narrow_columns(
-    rows: npt.NDArray[Any], names: tuple[str, ...]
-) -> list[tuple[str, npt.NDArray[Any]]]:
+def _narrow_columns(rows: AnyArray, names: tuple[str, ...]) -> list[tuple[str, AnyArray]]:
     """Columns by their names, of float64 as float32 where that loses nothing."""
     if rows.dtype == np.float64:
         with np.errstate(over="ignore", under="ignore"):
@@ -250,7 +247,7 @@ def _narrow_columns(
     return [(name, rows[:, axis]) for axis, name in enumerate(names[: rows.shape[1]])]
 
 
-def _write_rows(file: io.BufferedWriter, columns: list[tuple[str, npt.NDArray[Any]]]) -> None:
+def _write_rows(file: io.BufferedWriter, columns: list[tuple[str, AnyArray]]) -> None:
     """Write a table of scalars."""
     fields = [(name, column.dtype.newbyteorder("<")) for name, column in columns]
     n_rows = len(columns[0][1])

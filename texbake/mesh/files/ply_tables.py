@@ -12,14 +12,12 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core
 from texbake.errors import FileFormatError, quoted
 from texbake.files import PathLike
 from texbake.limits import whole_number
-from texbake.mesh.files.source import ByteArray
-from texbake.mesh.mesh import Int64Array
+from texbake.mesh.mesh import AnyArray, ByteArray, Int64Array
 from texbake.records import dataclass
 
 # numpy's code of each type, without byte order.
@@ -117,21 +115,15 @@ class ListColumn:
     """Lists of several lengths: how long each is, and all values after each other."""
 
     sizes: Int64Array
-    values: npt.NDArray[Any]
+    values: AnyArray
 
 
 # A scalar property is (n,), a list property whose lists all have k values is (n, k).
-Columns = dict[str, npt.NDArray[Any] | ListColumn]
+Columns = dict[str, AnyArray | ListColumn]
 
 
 def read_element(
-    path: PathLike,
-    body: npt.NDArray[Any],
-    start: int,
-    element: Element,
-    order: str,
-    *,
-    first_row: int = 0,
+    path: PathLike, body: AnyArray, start: int, element: Element, order: str, *, first_row: int = 0
 ) -> tuple[Columns, int]:
     """Columns of an element, views where rows have one size, and the unit where they end."""
     require_rows(path, body, start, element)  # before anything is allocated
@@ -142,7 +134,7 @@ def read_element(
     )
 
 
-def require_rows(path: PathLike, body: npt.NDArray[Any], start: int, element: Element) -> None:
+def require_rows(path: PathLike, body: AnyArray, start: int, element: Element) -> None:
     """Raise `FileFormatError` if the body is too short for the rows of an element."""
     text = body.dtype.kind == "f"
     least = element.n_rows * (len(element.properties) if text else element.least_row_size)
@@ -158,7 +150,7 @@ def _dtype(code: str, order: str) -> np.dtype[Any]:
 
 
 def _uniform_columns(
-    body: npt.NDArray[Any], start: int, element: Element, order: str
+    body: AnyArray, start: int, element: Element, order: str
 ) -> tuple[Columns, int] | None:
     """Views of the body, if every row's lists are as long as those of the first row."""
     data, first = body.view(np.uint8), start * body.itemsize
@@ -192,7 +184,7 @@ def _uniform_columns(
 
 
 def _list_columns(
-    path: PathLike, body: npt.NDArray[Any], start: int, element: Element, order: str, first_row: int
+    path: PathLike, body: AnyArray, start: int, element: Element, order: str, first_row: int
 ) -> tuple[Columns, int]:
     """Copies, made by walking the rows one after the other."""
     text = body.dtype.kind == "f"

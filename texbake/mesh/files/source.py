@@ -24,9 +24,8 @@ from texbake.core import core
 from texbake.errors import FileFormatError, counted, one_line, quoted, shortened
 from texbake.files import PathLike, read_whole
 from texbake.limits import LONGEST_NAME
-from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
+from texbake.mesh.mesh import AnyArray, ByteArray, FloatArray, Int64Array, IntArray
 
-ByteArray = npt.NDArray[np.uint8]
 Parsed = TypeVar("Parsed")
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
@@ -67,7 +66,7 @@ class Cursor:
         layout = struct.Struct(self.order + kinds)
         return layout.unpack(self.take(layout.size).data)
 
-    def array(self, kind: str, count: int) -> npt.NDArray[Any]:
+    def array(self, kind: str, count: int) -> AnyArray:
         """(count,) next numbers of a kind that NumPy names."""
         dtype = np.dtype(self.order + kind)
         return self.take(count * dtype.itemsize).view(dtype)

@@ -18,8 +18,8 @@ import numpy.typing as npt
 from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike, replacing
 from texbake.mesh.files.conversion import float32_positions
-from texbake.mesh.files.source import ByteArray, decode_name, parse_numbers, read_array, text_of
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.files.source import decode_name, parse_numbers, read_array, text_of
+from texbake.mesh.mesh import ByteArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.weld import unique_rows
 

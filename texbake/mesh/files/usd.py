@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError
@@ -24,7 +23,7 @@ from texbake.mesh.files.conversion import check_corner_count
 from texbake.mesh.files.reader_process import read_in_child
 from texbake.mesh.files.unread_parts import warn_of_cages
 from texbake.mesh.files.usd_stage import meters_per_unit, open_stage, reporting_damage
-from texbake.mesh.mesh import Float32Array, FloatArray, Int64Array, Mesh, UvSet
+from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Int64Array, Mesh, UvSet
 from texbake.mesh.polygons import triangulated
 from texbake.mesh.weld import unique_corners
 from texbake.records import dataclass
@@ -141,7 +140,7 @@ class _MeshReader:
         """Raise `FileFormatError` about the mesh."""
         raise FileFormatError(f"{self.path}: {self.prim.GetPath()}: {what}; export it again")
 
-    def numbers(self, values: Any, kind: type[np.generic]) -> npt.NDArray[Any]:
+    def numbers(self, values: Any, kind: type[np.generic]) -> AnyArray:
         """Return what the library has read, which may be anything, as numbers of a kind."""
         try:
             with np.errstate(invalid="ignore"):  # NaN that signals is NaN like any other

@@ -30,7 +30,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, OptionError, TexbakeError
 from texbake.files import PathLike
 from texbake.mesh.files.source import parse_row, read_lines
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.parametric.grid import (
     circle_points,
     closed_lines,
@@ -274,7 +274,7 @@ def _sweep(
     columns: SweptColumns,
     outline: Outline,
     name: str,
-    parts: npt.NDArray[np.intp] | None = None,
+    parts: IndexArray | None = None,
     radius: float = 1.0,
 ) -> Mesh:
     """Sweep an outline through all columns; `parts` (R,): 0 for bottom, 1 for side, 2 for top."""
@@ -302,7 +302,7 @@ def _sweep(
     return surface(face_groups=groups, group_names=names)
 
 
-def _joined(outlines: list[Outline]) -> tuple[Outline, npt.NDArray[np.intp]]:
+def _joined(outlines: list[Outline]) -> tuple[Outline, IndexArray]:
     """Outlines that go on where the one before ends, with a crease there; and rows' outlines."""
     lines, last = [], 0
     for outline in outlines:

@@ -9,13 +9,20 @@ import math
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import face_areas
 from texbake.mesh.frame import LocalFrame, snapped
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import (
+    BoolArray,
+    ByteArray,
+    Float32Array,
+    FloatArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.options import MIN_RESOLUTION, RemeshOptions
 from texbake.mesh.weld import later_copies
 from texbake.parallel import run_bands
@@ -49,7 +56,7 @@ class Band:
     # surface.
     slots: IntArray
     corners: IntArray  # (n_slots, 3) int32; first point of each block with a row
-    distances: npt.NDArray[np.float32]  # (n_slots, 512) float32; unsigned, at most `BAND_WIDTH`
+    distances: Float32Array  # (n_slots, 512) float32; unsigned, at most `BAND_WIDTH`
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -82,14 +89,14 @@ class Band:
         run_bands(measure, shape[0], band=1, threads=threads)
         return cls(slots, corners, distances)
 
-    def labels(self, *, threads: int | None = None) -> npt.NDArray[np.uint8]:
+    def labels(self, *, threads: int | None = None) -> ByteArray:
         """Label the points of the whole grid `SHELL` near the surface, and `CORE` elsewhere."""
         labels = np.zeros(self.shape, dtype=np.uint8)
         label = partial(core.label_shell, self.slots, self.distances, labels, SHELL_DEPTH)
         run_bands(label, self.slots.shape[0], band=1, threads=threads)
         return labels
 
-    def values_of(self, points: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    def values_of(self, points: BoolArray) -> BoolArray:
         """Return values of the grid's points (nx, ny, nz) as those of blocks (n_slots, 512)."""
         nx, ny, nz = self.slots.shape
         blocks = points.reshape(nx, BLOCK_SIDE, ny, BLOCK_SIDE, nz, BLOCK_SIDE)
@@ -98,7 +105,7 @@ class Band:
 
 def _faces_of_layers(
     positions: FloatArray, faces: IntArray, n_layers: int
-) -> tuple[IntArray, npt.NDArray[np.int64]]:
+) -> tuple[IntArray, Int64Array]:
     """List the faces near each layer of blocks, in their order, and where each list starts."""
     along = np.ascontiguousarray(positions[:, 0])
     a, b, c = (along[faces[:, corner]] for corner in range(3))

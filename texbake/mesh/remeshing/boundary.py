@@ -12,12 +12,11 @@ open surfaces.
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.errors import MeshError, counted
 from texbake.mesh.distance import face_areas, unit_normals
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.options import CLOSED, OPEN
 from texbake.mesh.polygons import cut_polygons, next_corners
 from texbake.mesh.remeshing.parts import winding_numbers
@@ -34,16 +33,13 @@ from texbake.mesh.topology import (
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-BoolArray = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int64]
-
 
 @dataclass(frozen=True, eq=False)
 class Loops:
     """The loops of a boundary."""
 
     vertices: IntArray  # (n,) int32; those of each loop in turn
-    sizes: Indices  # (m,) int64
+    sizes: Int64Array  # (m,) int64
     # (m,) float64; twice the distance of the farthest vertex from the mean of all.
     widths: FloatArray
     lengths: FloatArray  # (m,) float64; along the edges
@@ -84,7 +80,7 @@ class Loops:
         """(n, 2) int32: the edge from each vertex to the next of its loop."""
         return np.stack([self.vertices, self.vertices[next_corners(self.sizes)]], axis=1)
 
-    def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Indices]:
+    def filled(self, points: FloatArray, chosen: BoolArray) -> tuple[IntArray, Int64Array]:
         """Triangulate chosen loops (m,): faces (n, 3) and the loop (n,) that each of them fills."""
         vertices = np.ascontiguousarray(self.vertices[np.repeat(chosen, self.sizes)])
         triangles, owners, _ = cut_polygons(points, vertices, self.sizes[chosen])
@@ -267,7 +263,7 @@ def count_loops(faces: IntArray) -> int:
 
 def _seen_through_holes(
     points: FloatArray, faces: IntArray, areas: FloatArray, threads: int | None
-) -> tuple[npt.NDArray[np.int64], FloatArray]:
+) -> tuple[Int64Array, FloatArray]:
     """Share of directions in which some faces, evenly by area, see the other side."""
     sums = np.cumsum(areas)
     # A large odd step puts them in no order, since the last ones may not be measured.

@@ -10,12 +10,11 @@ import math
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import face_areas
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, Int64Array, IntArray
 from texbake.mesh.topology import face_components
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -47,7 +46,7 @@ class Parts:
         return cls(points, faces, ids, np.bincount(ids, sixths, n_parts) / 6.0)
 
     @property
-    def is_wall(self) -> npt.NDArray[np.bool_]:
+    def is_wall(self) -> BoolArray:
         """Which of the parts are walls of cavities."""
         return self.volumes < 0.0
 
@@ -57,7 +56,7 @@ class Parts:
         areas = face_areas(self.points, self.faces)
         return np.asarray(np.bincount(self.ids, areas, len(self.volumes)), dtype=np.float64)
 
-    def some(self, kept: npt.NDArray[np.bool_]) -> Parts:
+    def some(self, kept: BoolArray) -> Parts:
         """Return some of the parts, and the points that they use."""
         used, compact = used_rows(self.faces[kept[self.ids]], len(self.points))
         return Parts.of(self.points[used], compact)
@@ -101,9 +100,7 @@ def without_small_parts(parts: Parts, least: float) -> tuple[Parts, int]:
     return _without_small(parts, areas, areas < least * areas.sum())
 
 
-def _without_small(
-    parts: Parts, areas: FloatArray, is_left_out: npt.NDArray[np.bool_]
-) -> tuple[Parts, int]:
+def _without_small(parts: Parts, areas: FloatArray, is_left_out: BoolArray) -> tuple[Parts, int]:
     n_left_out = int(np.count_nonzero(is_left_out))
     if n_left_out == 0 or areas[is_left_out].sum() > _LEFT_OUT * areas.sum():
         return parts, 0
@@ -125,9 +122,7 @@ def largest_parts(
     return parts.some(kept), n_solid - n_kept
 
 
-def _owners(
-    parts: Parts, walls: npt.NDArray[np.intp], solids: npt.NDArray[np.intp], threads: int | None
-) -> npt.NDArray[np.intp]:
+def _owners(parts: Parts, walls: IndexArray, solids: IndexArray, threads: int | None) -> IndexArray:
     """The solid part that each wall is in: the smallest around it. Solids are the largest first."""
     points, faces = parts.points, parts.faces
     owners = np.full(len(walls), solids[0])
@@ -184,9 +179,7 @@ def winding_numbers(
     return windings
 
 
-def _work_of_a_point(
-    clusters: FloatArray, starts: npt.NDArray[np.int64], points: FloatArray
-) -> float:
+def _work_of_a_point(clusters: FloatArray, starts: Int64Array, points: FloatArray) -> float:
     """Mean number of faces that are added up for a point, from some of them; clusters cost less."""
     some = points[:: -(-len(points) // _SAMPLED)]
     squares = ((clusters[None, :, :3] - some[:, None]) ** 2).sum(axis=2)

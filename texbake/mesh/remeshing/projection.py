@@ -14,18 +14,15 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.distance import area_vectors, unit_normals
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray
 from texbake.mesh.remeshing.solid import Nets
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
 from texbake.mesh.weld import row_sums, weld_rows
 from texbake.parallel import run_bands
-
-BoolArray = npt.NDArray[np.bool_]
 
 # Lengths in voxels: how far a vertex moves at most, and how far from a sheet it stays.
 _LONGEST_STEP, _SHEET_GAP = 1.25, 0.15
@@ -317,8 +314,8 @@ def _candidates(quads: IntArray, normals: FloatArray, face_ids: IntArray) -> Boo
 
 
 def _meet_planes(
-    normals: FloatArray, offsets: FloatArray, rows: npt.NDArray[np.intp], n: int
-) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+    normals: FloatArray, offsets: FloatArray, rows: IndexArray, n: int
+) -> tuple[FloatArray, IndexArray]:
     """(n, 3) places, closest to 0, where planes of rows meet, and (n,) directions they span."""
     moments, pulls = np.empty((n, 3, 3)), np.empty((n, 3))
     distances = pm.vecdot(normals, offsets)

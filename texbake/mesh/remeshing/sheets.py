@@ -13,13 +13,20 @@ Pseudonormal", IEEE Transactions on Visualization and Computer Graphics 11(3), 2
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError
 from texbake.mesh.compose import used_rows
 from texbake.mesh.distance import face_areas, unit_normals
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import (
+    BoolArray,
+    ByteArray,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.remeshing.band import (
     BAND_WIDTH,
@@ -35,8 +42,6 @@ from texbake.mesh.remeshing.projection import project, without_folds
 from texbake.mesh.remeshing.solid import Nets, nets_of, signed
 from texbake.mesh.topology import edge_keys, face_components, find_edges, opposite_half_edges
 from texbake.mesh.triangle_tree import TriangleTree
-
-BoolArray = npt.NDArray[np.bool_]
 
 # Rounds in which sheets are remeshed, and how many parts are assigned to one by their boxes.
 _ROUNDS, _MOST_PARTS = 12, 2048
@@ -87,7 +92,7 @@ def _at(band: Band, points: IntArray) -> FloatArray:
 
 def build_body(
     band: Band,
-    labels: npt.NDArray[np.uint8],
+    labels: ByteArray,
     points: FloatArray,
     filled: Filled,
     whole: IntArray | None,
@@ -114,16 +119,14 @@ def build_body(
     return thick if thick.n_handles < nets.n_handles else nets
 
 
-def _grid_points(band: Band, near: npt.NDArray[np.intp]) -> FloatArray:
+def _grid_points(band: Band, near: IndexArray) -> FloatArray:
     """Points of the band by their places in its flat arrays."""
     slots, places = near // BLOCK_POINTS, near % BLOCK_POINTS
     steps = np.stack([places >> 6, places >> 3 & 7, places & 7], axis=1)
     return (band.corners[slots] + steps).astype(np.float64)
 
 
-def _is_behind(
-    band: Band, near: npt.NDArray[np.intp], tree: TriangleTree, threads: int | None
-) -> BoolArray:
+def _is_behind(band: Band, near: IndexArray, tree: TriangleTree, threads: int | None) -> BoolArray:
     """(n,) bool: grid points behind the closest points of the surface, by the normals there."""
     points = _grid_points(band, near)
     limit = 2.0 * BAND_WIDTH
@@ -195,9 +198,7 @@ def remesh_sheets(
     return np.concatenate(all_points), joined, n_lost
 
 
-def _rounds(
-    points: FloatArray, faces: IntArray, parts: IntArray, n_parts: int
-) -> npt.NDArray[np.int64]:
+def _rounds(points: FloatArray, faces: IntArray, parts: IntArray, n_parts: int) -> Int64Array:
     """(n,) round for each part: boxes of one round are apart, but for the last one."""
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     np.minimum.at(low, parts, points[faces].min(axis=1) - BAND_WIDTH)

@@ -18,15 +18,11 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from texbake.mesh.remeshing.band import BLOCK_POINTS, CORE, OUTSIDE, ROOM, SHELL, SHELL_DEPTH, Band
 from texbake.mesh.topology import face_components
 from texbake.parallel import run_bands
 from texbake.records import dataclass
-
-BoolArray = npt.NDArray[np.bool_]
-Labels = npt.NDArray[np.uint8]
-Field = npt.NDArray[np.float32]
 
 _LEAST_ROOM = 2  # points; of most rooms of a single one, no surface is left
 
@@ -44,7 +40,7 @@ class Rooms:
 
 
 def flood_outside(
-    labels: Labels,
+    labels: ByteArray,
     radius: float,
     measure_windings: Callable[[FloatArray], FloatArray] | None,
     *,
@@ -75,7 +71,7 @@ def flood_outside(
 
 def _flood_cavities(
     near: BoolArray,
-    labels: Labels,
+    labels: ByteArray,
     measure_windings: Callable[[FloatArray], FloatArray],
     keep: bool,
     threads: int | None,
@@ -111,7 +107,7 @@ def _flood_cavities(
 
 
 def _within(
-    labels: Labels,
+    labels: ByteArray,
     label: int,
     radius: float,
     squares: npt.NDArray[np.uint16],
@@ -130,7 +126,7 @@ def _within(
 _SLOTS, _LAYERS, _QUADS = 256, 8, 1 << 16
 
 JUST_SOLID = -0.05
-"""Field of a point that is added to a solid, as in `core/surface_nets.c`."""
+"""Float32Array of a point that is added to a solid, as in `core/surface_nets.c`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,13 +153,20 @@ class Nets:
 
 
 def nets_of(
-    band: Band, field: Field, labels: Labels, thin: BoolArray, *, threads: int | None = None
+    band: Band,
+    field: Float32Array,
+    labels: ByteArray,
+    thin: BoolArray,
+    *,
+    threads: int | None = None,
 ) -> Nets:
     """Build the surface around points (n_slots, 512) where a field is not positive."""
     return nets_around(band, field, solid_points(band, field, labels, threads), thin, threads)
 
 
-def solid_points(band: Band, field: Field, labels: Labels, threads: int | None) -> BoolArray:
+def solid_points(
+    band: Band, field: Float32Array, labels: ByteArray, threads: int | None
+) -> BoolArray:
     """Whether each point of the grid is solid, (nx, ny, nz), as in `nets_of`."""
     solid = np.empty(labels.shape, dtype=np.bool_)
     mark = partial(core.mark_solid, band.slots, field, labels, solid)
@@ -172,7 +175,7 @@ def solid_points(band: Band, field: Field, labels: Labels, threads: int | None) 
 
 
 def nets_around(
-    band: Band, field: Field, solid: BoolArray, thin: BoolArray, threads: int | None
+    band: Band, field: Float32Array, solid: BoolArray, thin: BoolArray, threads: int | None
 ) -> Nets:
     """Build the surface around solid points, which are filled up to make it manifold."""
     core.compose_well(band.slots, solid, field)
@@ -191,7 +194,7 @@ def nets_around(
     return Nets(positions, is_thin, quads)
 
 
-def signed(band: Band, labels: Labels, threads: int | None) -> tuple[Field, BoolArray]:
+def signed(band: Band, labels: ByteArray, threads: int | None) -> tuple[Float32Array, BoolArray]:
     """Signed distances at the points of the band, and which of them belong to a sheet."""
     n = len(band.distances)
     seen = np.empty((n, BLOCK_POINTS), dtype=np.uint8)

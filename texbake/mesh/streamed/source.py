@@ -29,8 +29,7 @@ from texbake.mesh.files.ply_tables import (
     read_header,
     require_rows,
 )
-from texbake.mesh.files.source import ByteArray
-from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
+from texbake.mesh.mesh import ByteArray, FloatArray, Int64Array, IntArray
 from texbake.mesh.polygons import triangulated
 from texbake.parallel import run_bands
 from texbake.records import dataclass

@@ -12,10 +12,8 @@ from texbake.rendering.scene.textures import ImageTexture, Rgb
 from texbake.schema import check_fields, option
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
     from texbake.files import PathLike
+    from texbake.mesh.mesh import Float32Array
     from texbake.texture.image import Image
 
 Vector = tuple[float, float, float]
@@ -141,11 +139,11 @@ class Environment:
     it where there is none. `rotate` turns it about the up axis, in degrees.
     """
 
-    image: PathLike | Image | npt.NDArray[np.float32] | None = option(
+    image: PathLike | Image | Float32Array | None = option(
         None,
         "Latitude-longitude image, twice as wide as high, or studio for a room with soft lamps.",
     )
-    faces: tuple[PathLike | Image | npt.NDArray[np.float32], ...] = option(
+    faces: tuple[PathLike | Image | Float32Array, ...] = option(
         (), "Six images of a cube map: +x, -x, +y, -y, +z, -z."
     )
     color: Rgb = option((0.0, 0.0, 0.0), "Linear color of an environment without an image.")

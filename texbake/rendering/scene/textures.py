@@ -18,9 +18,7 @@ from texbake.records import dataclass
 from texbake.schema import Option, check_fields, option
 
 if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
-
+    from texbake.mesh.mesh import Float32Array
     from texbake.texture.image import Image
 
 FILTERS = ("nearest", "bilinear", "bicubic", "trilinear", "ewa", "supersampled")
@@ -48,7 +46,7 @@ class ImageTexture:
     effect: ClassVar[str] = "images"  # effect that reads it
     is_over_uvs: ClassVar[bool] = True  # whether it depends on texture coordinates
 
-    image: Annotated[PathLike | Image | npt.NDArray[np.float32], Option("Image file.")]
+    image: Annotated[PathLike | Image | Float32Array, Option("Image file.")]
     filter: str = option("trilinear", "Filter between texels.", choices=FILTERS)
     wrap: str | tuple[str, str] | None = option(
         None,
@@ -137,7 +135,7 @@ class VolumeTexture(ProcedureTexture):
     """Stored values over a cube: a scan, or a stack of images."""
 
     volume: Annotated[
-        PathLike | tuple[PathLike, ...] | npt.NDArray[np.float32],
+        PathLike | tuple[PathLike, ...] | Float32Array,
         Option("A .npy file of a volume, or the images of its slices, from back (-z) to front."),
     ]
     procedure: str = option("volume", "Always volume.")
@@ -160,7 +158,7 @@ class VolumeTexture(ProcedureTexture):
             raise OptionError("range: both ends are equal; give two numbers")
 
     @cached_property
-    def texels(self) -> npt.NDArray[np.float32]:
+    def texels(self) -> Float32Array:
         """(D, H, W, C) values, read when they are first asked for."""
         from texbake.texture.image_files import read_volume
 

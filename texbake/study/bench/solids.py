@@ -20,10 +20,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.parametric.grid import grid_quads, split_quads
 from texbake.mesh.shapes import cube
 from texbake.records import dataclass
@@ -108,8 +107,6 @@ def cube_with_uvs() -> Mesh:
     return mesh.replace(uvs=uvs, uv_faces=places.reshape(-1, 3).astype(np.int32))
 
 
-Ids = npt.NDArray[np.int64]
-
 _TRIANGLES_PER_CELL = 1500.0  # of the lattice; each adds four tunnels
 _TRIANGLES_PER_POINT = 1.55  # of the grid, found by counting
 _BLEND = 0.02  # width of the rounded edge between the lattice and the ball
@@ -164,7 +161,7 @@ def _marched(value: Callable[[FloatArray], FloatArray], points: FloatArray, n: i
     return Mesh(positions=0.5 * (inner + outer), faces=faces, name="gyroid")
 
 
-def _tetrahedra(n: int) -> list[Ids]:
+def _tetrahedra(n: int) -> list[Int64Array]:
     """Six (n³, 4) arrays of grid points: paths along the axes from a corner to the opposite one."""
     steps = np.array([(n + 1) ** 2, n + 1, 1])
     cells = np.arange(n)
@@ -173,7 +170,7 @@ def _tetrahedra(n: int) -> list[Ids]:
     return [first[:, None] + np.cumsum([0, *steps[list(path)]]) for path in paths]
 
 
-def _crossed(corners: Ids, is_inside: BoolArray, points: FloatArray) -> Ids:
+def _crossed(corners: Int64Array, is_inside: BoolArray, points: FloatArray) -> Int64Array:
     """(n, 3, 2): triangles across tetrahedra, each corner as the two ends of an edge."""
     corners = corners[(counts := is_inside[corners].sum(axis=1)) % 4 > 0]
     counts = counts[counts % 4 > 0]

@@ -12,13 +12,13 @@ from texbake.mapping.distortion import distortion
 from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap
 from texbake.mesh.distance import surface_distance
-from texbake.mesh.mesh import FloatArray, Mesh
+from texbake.mesh.mesh import Float32Array, FloatArray, Mesh
 from texbake.mesh.normals import smooth_normals
 from texbake.mesh.simplify import simplify
 from texbake.rendering.compare import compare
 from texbake.rendering.options import RenderOptions
 from texbake.study.knob import Case, Evaluation, Experiment, Knob, NotApplicable, Setting, StudyPair
-from texbake.study.truth.pictures import FloatImage, close_up, crop
+from texbake.study.truth.pictures import close_up, crop
 from texbake.study.truth.probes import angles_deg, probe
 from texbake.texture.lookup import lookup
 from texbake.texture.mipmaps import mip_chain
@@ -179,7 +179,7 @@ def _seam_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     return places[kept], truth[kept] / lengths[kept, None]
 
 
-def _layout(mesh: Mesh, threads: int | None) -> FloatImage:
+def _layout(mesh: Mesh, threads: int | None) -> Float32Array:
     """Draw the charts in texture space, colored by the normals of the surface."""
     options = BakeOptions(size=400, space="object", padding=0, threads=threads)
     normals = bake(mesh, mesh, options).maps["normal"].values

@@ -6,7 +6,6 @@ import math
 from dataclasses import fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.mesh.frame import LocalFrame
@@ -24,8 +23,6 @@ from texbake.rendering.scene.scene import Scene
 from texbake.rendering.scene.textures import ImageTexture
 from texbake.study.truth.surfaces import Surface
 
-FloatImage = npt.NDArray[np.float32]
-
 # Pixels along one side of the crops.
 CROP = 200
 _ZOOM = 4.0
@@ -38,7 +35,7 @@ def close_up(
     displacement: MapSource | None = None,
     zoom: float = _ZOOM,
     threads: int | None = None,
-) -> FloatImage:
+) -> Float32Array:
     """(CROP, CROP, 3) float32 picture of the middle of a mesh with its maps, close up."""
     options = RenderOptions(width=CROP, height=CROP, supersampling=2)
     camera = Camera.framing(mesh, options=options)
@@ -55,8 +52,8 @@ def close_up(
 
 
 def crop(
-    picture: FloatImage, center: tuple[float, float] = (0.5, 0.5), zoom: int = 1
-) -> FloatImage:
+    picture: Float32Array, center: tuple[float, float] = (0.5, 0.5), zoom: int = 1
+) -> Float32Array:
     """(CROP, CROP, 3) part about a center in shares from the upper left, enlarged by `zoom`."""
     height, width = picture.shape[:2]
     zoom = max(zoom, math.ceil(CROP / min(height, width)))
@@ -138,7 +135,7 @@ RAYS_PER_SIDE = 4  # of a pixel
 
 def lambert_picture(
     mesh: Mesh, surface: Surface | None, camera: Camera, size: int, to_light: FloatArray
-) -> FloatImage:
+) -> Float32Array:
     """(size, size, 3) cosines of the angle to the light, by normals of the closed form if any."""
     rays = sight_rays(camera, size * RAYS_PER_SIDE, size * RAYS_PER_SIDE).reshape(-1, 3)
     rays /= pm.norm(rays, axis=1, keepdims=True)

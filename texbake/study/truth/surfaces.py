@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import portable_math as pm
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IntArray, Mesh
 from texbake.records import dataclass
 
 # In radians, or in the units of the surface, which is about one unit wide.
@@ -169,14 +167,12 @@ _WAVES = ((3, 2, 0.4, 0.012), (-5, 7, 1.3, 0.005), (11, -4, 2.1, 0.0025), (13, 1
 _TURN = 2.0 * np.pi
 
 
-def wave_heights(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def wave_heights(x: AnyArray, y: AnyArray) -> AnyArray:
     """Return heights h(x, y) of a few waves, in the precision of the coordinates."""
     return sum((a * pm.sin(_angle(x, y, m, n, p)) for m, n, p, a in _WAVES), start=0 * x)
 
 
-def wave_slopes(
-    x: npt.NDArray[Any], y: npt.NDArray[Any]
-) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+def wave_slopes(x: AnyArray, y: AnyArray) -> tuple[AnyArray, AnyArray]:
     """Return the slopes dh/dx and dh/dy of the waves."""
     turns = [(m, n, a * pm.cos(_angle(x, y, m, n, p))) for m, n, p, a in _WAVES]
     along = sum((x.dtype.type(_TURN * m) * c for m, _, c in turns), start=0 * x)
@@ -184,7 +180,7 @@ def wave_slopes(
     return along, up
 
 
-def wave_normals(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def wave_normals(x: AnyArray, y: AnyArray) -> AnyArray:
     """(..., 3) unit normals of the waves, x to the right and y up."""
     along, up = wave_slopes(x, y)
     normals = np.stack([-along, -up, np.ones_like(along)], axis=-1)
@@ -198,6 +194,6 @@ def texel_grid(size: int) -> tuple[FloatArray, FloatArray]:
     return x, y
 
 
-def _angle(x: npt.NDArray[Any], y: npt.NDArray[Any], m: int, n: int, p: float) -> npt.NDArray[Any]:
+def _angle(x: AnyArray, y: AnyArray, m: int, n: int, p: float) -> AnyArray:
     of = x.dtype.type
     return np.asarray(of(_TURN * m) * x + of(_TURN * n) * y + of(p))

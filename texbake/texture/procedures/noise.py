@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
-from texbake.mesh.mesh import FloatArray
+from texbake.mesh.mesh import ByteArray, FloatArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.procedures.options import INTERPOLATIONS, checked_parameters
@@ -38,7 +38,7 @@ class Lattice:
     """Tables for a seed, read-only."""
 
     # (512,) uint8; phi, repeated twice, so that a sum of two numbers below 256 can be looked up.
-    permutation: npt.NDArray[np.uint8]
+    permutation: ByteArray
     # (256, 3) float64; unit vectors, uniform over the sphere: the gradients of 1985.
     sphere: FloatArray
     # (256, 3) float64; vectors from the center of a cube to the middles of its edges: the gradients

@@ -12,11 +12,9 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.corner_uvs import signed_areas
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, ByteArray, FloatArray, Int64Array, IntArray
 from texbake.mesh.topology import opposite_half_edges
 from texbake.records import dataclass
-
-LongArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,11 +48,11 @@ class PackingGrid:
 class Bitmaps:
     """The cells that charts touch, at one scale and in several poses (rotations)."""
 
-    boxes: LongArray  # (C, K, 2) int64; columns and rows of the bitmap of each chart and pose
+    boxes: Int64Array  # (C, K, 2) int64; columns and rows of the bitmap of each chart and pose
     # (C, K, 2) float64; offset of the scaled coordinates that centers them in the bitmap.
     shifts: FloatArray
-    starts: LongArray  # (C, K) int64; where each bitmap, stored row by row, begins in `masks`
-    masks: npt.NDArray[np.uint8]  # (sum of columns times rows,) uint8; 1 where a cell is touched
+    starts: Int64Array  # (C, K) int64; where each bitmap, stored row by row, begins in `masks`
+    masks: ByteArray  # (sum of columns times rows,) uint8; 1 where a cell is touched
 
 
 class Shapes(NamedTuple):
@@ -65,11 +63,11 @@ class Shapes(NamedTuple):
     # of rows.
     spans: IntArray
     # (C, O, 2) int64; where the runs of each chart and orientation begin and end in `spans`.
-    starts: npt.NDArray[np.int64]
+    starts: Int64Array
     # reach, reach_starts: (R, 3) int32 and (C, O, 2) int64; the same for the cells that no other
     # chart may touch.
     reach: IntArray
-    reach_starts: npt.NDArray[np.int64]
+    reach_starts: Int64Array
     margin: int  # cells by which these extend beyond the box of the chart
 
 

@@ -16,12 +16,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.packing.bitmaps import ChartRotations, Outlines, Shapes, shapes_of
 from texbake.mapping.atlas.packing.refine import RoughLayout, SearchLimits, pair_weights, separate
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.records import dataclass
 
 _COARSE_CELLS = 256  # along each side of a square coarse grid
@@ -194,7 +193,7 @@ def _squeezed(
 def _fitted_in(shapes: Shapes, places: IntArray, size: tuple[int, int]) -> tuple[IntArray, bool]:
     """Move charts inside a grid, rotated if too long; also return whether all fit."""
     ids = np.arange(len(places))
-    fitting: npt.NDArray[np.bool_] = np.all(shapes.boxes <= np.array(size), axis=2)
+    fitting: BoolArray = np.all(shapes.boxes <= np.array(size), axis=2)
     places = places.copy()
     places[:, 2] = np.where(fitting[ids, places[:, 2]], places[:, 2], fitting.argmax(axis=1))
     room = np.array(size) - shapes.boxes[ids, places[:, 2]]
