@@ -8,8 +8,8 @@ from texbake.mapping.atlas.halves import find_halves
 from texbake.mapping.atlas.joining.counterparts import plan_join
 from texbake.mapping.distortion import distortion
 from texbake.mapping.options import UnwrapOptions
+from texbake.mapping.overlap import StackedIslands
 from texbake.mapping.seams import seam_edges
-from texbake.mapping.stacked import StackedIslands
 from texbake.mapping.unwrap import unwrap, unwrap_with_report
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import icosphere, plane

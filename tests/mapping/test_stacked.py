@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from texbake import Mesh, OptionError
-from texbake.mapping.stacked import StackedIslands
+from texbake.mapping.overlap import StackedIslands
 from texbake.mesh.shapes import plane
 
 # An island that no mirroring or turn takes to itself.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.sampling.report import (
+from texbake.sampling.bounds import (
     CHECKED_SHARE,
     MOST_CHECKED,
     ErrorSummary,

@@ -19,14 +19,14 @@ from texbake.baking.texel_values import TexelSums, finished_maps
 from texbake.baking.texels import NO_FACE
 from texbake.baking.trace import BakeSetup, Trace
 from texbake.errors import MissError, OptionError, UvError, counted
-from texbake.mapping.stacked import StackedIslands
+from texbake.mapping.overlap import StackedIslands
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.materials import Materials
 from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.records import dataclass
-from texbake.sampling.report import SamplingReport
+from texbake.sampling.bounds import SamplingReport
 from texbake.sampling.rounds import BudgetClock, TimeBudget, with_actual_time
 
 

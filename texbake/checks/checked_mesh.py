@@ -12,9 +12,8 @@ import numpy.typing as npt
 from texbake.checks.bake_kinds import Kind
 from texbake.checks.kinds import KINDS, CheckOptions
 from texbake.core import portable_math as pm
-from texbake.mapping.overlap import Overlaps, find_overlaps
+from texbake.mapping.overlap import Overlaps, StackedIslands, find_overlaps
 from texbake.mapping.seams import connected_faces
-from texbake.mapping.stacked import StackedIslands
 from texbake.mesh.frame import unit_scale
 from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, Int64Array, IntArray, Mesh, frozen
 from texbake.mesh.normals import AREA_ROUNDING, face_normals

@@ -36,15 +36,7 @@ from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import chart_ids
 from texbake.mapping.unwrap import unwrap_together
 from texbake.mesh.interchange import plain_array
-from texbake.mesh.mesh import (
-    AnyArray,
-    ByteArray,
-    Float32Array,
-    FloatArray,
-    IndexArray,
-    IntArray,
-    Mesh,
-)
+from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
 from texbake.records import dataclass
 
@@ -68,7 +60,7 @@ class _Packed:
     atlases: IntArray  # (F,) atlas of each face
     n_charts: int
 
-    def arrays(self) -> tuple[UintArray, UintArray, Float32Array, IndexArray]:
+    def arrays(self) -> tuple[UintArray, UintArray, Float32Array, npt.NDArray[np.intp]]:
         """Vertices of the atlas, faces, texture coordinates, and a face of each vertex."""
         assert self.mesh.uvs is not None and self.mesh.uv_faces is not None
         vertices, places = self.mesh.faces.ravel(), self.mesh.uv_faces.ravel()
@@ -88,7 +80,7 @@ class Atlas:
         self._of_uvs = False
         self._packed: list[_Packed] = []
         self._size = (0, 0)
-        self._images: list[ByteArray] | None = None
+        self._images: list[npt.NDArray[np.uint8]] | None = None
 
     def add_mesh(self, positions: Any, indices: Any, normals: Any = None, uvs: Any = None) -> None:
         """Add a mesh: (V, 3) positions, (F, 3) indices, (V, 3) normals, (V, 2) uvs."""
@@ -209,7 +201,7 @@ class Atlas:
         return self.get_utilization(0)
 
     @property
-    def chart_image(self) -> ByteArray:
+    def chart_image(self) -> npt.NDArray[np.uint8]:
         """(H, W, 3) picture of the charts of the first texture; see `PackOptions.create_image`."""
         return self.get_chart_image(0)
 
@@ -219,7 +211,7 @@ class Atlas:
         texels = (self._texels(item)[item.atlases == atlas_index].sum() for item in self._packed)
         return min(float(sum(texels)) / (self.width * self.height), 1.0)
 
-    def get_chart_image(self, atlas_index: int) -> ByteArray:
+    def get_chart_image(self, atlas_index: int) -> npt.NDArray[np.uint8]:
         """Return a (H, W, 3) picture of the charts of a texture."""
         self._check_atlas(atlas_index)
         if self._images is None:
@@ -270,7 +262,7 @@ class Atlas:
         """(F,) area of each face in the texture, in texels."""
         return np.abs(signed_areas(item.mesh.corner_uvs())) * (self.width * self.height)
 
-    def _drawn(self) -> Iterator[ByteArray]:
+    def _drawn(self) -> Iterator[npt.NDArray[np.uint8]]:
         """Draw each texture, a color for each chart."""
         grid = SampleGrid(self.width, self.height, 1)
         colors = np.random.default_rng(0).integers(96, 256, (self.chart_count, 3), np.uint8)
@@ -335,7 +327,7 @@ def _array(name: str, value: Any, width: int, dtype: type, n: int | None = None)
     """Return an array (n, width); raise what xatlas raises for others."""
     try:
         with np.errstate(invalid="ignore"):
-            array: AnyArray = np.ascontiguousarray(plain_array(value, name).astype(dtype))
+            array: npt.NDArray[Any] = np.ascontiguousarray(plain_array(value, name).astype(dtype))
     except OptionError as error:
         raise TypeError(str(error)) from error
     if array.ndim != 2 or array.shape[1] != width:

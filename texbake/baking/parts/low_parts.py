@@ -20,7 +20,7 @@ from texbake.baking.maps import FIRST_TILE
 from texbake.baking.parts.high_parts import NamedPart
 from texbake.baking.parts.matching import PartsOptions
 from texbake.errors import MeshError, UvError
-from texbake.mapping.stacked import StackedIslands
+from texbake.mapping.overlap import StackedIslands
 from texbake.mesh.compose import excerpt
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
