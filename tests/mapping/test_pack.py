@@ -10,7 +10,10 @@ from hypothesis import given, settings, strategies as st
 from scipy.ndimage import distance_transform_edt
 
 from texbake.errors import UnwrapError
+from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid
 from texbake.mapping.atlas.packing.pack import pack_charts, upright_tiles
+from texbake.mapping.atlas.packing.refine import refine_layout
+from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
 from texbake.mapping.corner_uvs import signed_areas
 
 Array = npt.NDArray[np.float64]
@@ -131,6 +134,18 @@ def test_more_effort_fills_more():
     ]
     # Measured: .655, .693, .752.
     assert (np.diff(fills) > 0.01).all()
+
+
+def test_a_layout_that_is_too_large_shrinks_until_it_fits_however_little_work_is_left():
+    uvs, faces, chart_ids = triangles(4, 12)
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=12, aligned=None)
+    draft = coarse_layout(charts, (256, 256), 2, most_work=2_000_000, seed=0)
+    rough = squeeze_layout(draft, most_work=1, seed=0)
+    grid = PackingGrid.over((256, 256), 2, most_cells=1024)
+    too_large = replace(rough, scale=1.1 * rough.scale)
+    found = refine_layout(charts, too_large, grid, most_work=1, seed=0)
+    assert found is not None
+    assert 0.9 * rough.scale < found.scale * grid.cell < 1.1 * rough.scale
 
 
 def rectangles(widths, heights):

@@ -25,6 +25,7 @@ SNAP_MARGIN = 1.0 / 512.0
 _ANGLES = np.radians([0.0, 1.5, -1.5, 5.0, -5.0])  # rotations to try at each scale
 _STEP, _LEAST_STEP = 0.004, 0.001  # relative steps of the scale while charts grow
 _FIRST_STEP = 0.008  # relative step of the scale while charts must shrink
+_HASTE = 5  # greatest multiple of it, as the work exceeds its limit
 _MOST_SHRINKS = 40
 
 _BASE_WEIGHT = 2048.0  # of an overlapping cell; weights are integer fractions of it
@@ -116,7 +117,7 @@ def refine_layout(
     best: FinalLayout | None = None
     best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
     scale = layout.scale / grid.cell
-    while work < most_work and step >= _LEAST_STEP:
+    while (best is None or work < most_work) and step >= _LEAST_STEP:
         trial += 1
         angles = layout.angles[:, None] + charts.allowed(_ANGLES)
         result, overlap, steps = _moved_apart(
@@ -131,7 +132,7 @@ def refine_layout(
         elif best is None:
             if trial > _MOST_SHRINKS:
                 return None
-            scale /= 1.0 + _FIRST_STEP
+            scale /= 1.0 + _FIRST_STEP * min(1 + work // most_work, _HASTE)
         else:
             n_failed += 1
             if n_failed == 3 or result is None:
