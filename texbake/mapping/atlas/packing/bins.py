@@ -175,11 +175,15 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
             step *= step  # shrinks ever faster until the charts fit
         if too_large * longest < 0.01:  # too many charts, even at one cell each
             return False
-    # Slightly different orders may fit at a larger scale.
-    for trial in range(1, n_orders + 1):
-        while bins.try_scale(fits * (1.0 + _SCALE_STEP), trial):
-            fits *= 1.0 + _SCALE_STEP
+    enlarge(bins, fits, range(1, n_orders + 1))
     return True
+
+
+def enlarge(bins: Bins, scale: float, trials: range) -> None:
+    """Place charts at larger scales than one that fits, while slightly different orders allow."""
+    for trial in trials:
+        while bins.try_scale(scale * (1.0 + _SCALE_STEP), trial):
+            scale *= 1.0 + _SCALE_STEP
 
 
 def _guess_with_padding(bins: Bins, share: float) -> float:

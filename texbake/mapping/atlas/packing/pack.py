@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from texbake.errors import UnwrapError, counted
-from texbake.mapping.atlas.packing.bins import Bins, place_at_largest_scale, place_at_scale
+from texbake.mapping.atlas.packing.bins import Bins, enlarge, place_at_largest_scale, place_at_scale
 from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid, least_box_angles
 from texbake.mapping.atlas.packing.refine import FinalLayout, RoughLayout, refine_layout
 from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
@@ -34,6 +34,7 @@ _CELLS_A_CHART = 12  # along the side of a chart, for many
 
 _MANY_CHARTS = 1024
 _MOST_ORDERED, _MOST_ORDERS = 256, 32  # charts times orders, and orders, that are tried
+_FEW_ORDERS = 4  # that are tried before a search
 _MOST_SEARCHED = 768  # charts; the work of a search grows with the square of their number
 _MOST_COARSE = 300  # charts that a coarse grid represents well enough
 # Areas of the grid that squares as wide as the charts are long may take in a search, which stores
@@ -130,23 +131,28 @@ def pack_charts(
     bins = Bins(charts, grid, groups, tiles)
     n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS) if effort != "fast" else 0
     searched = (
-        tiles == 1
+        effort != "fast"
+        and density is None
+        and tiles == 1
         and not groups.any()
         and 1 < n_charts <= _MOST_SEARCHED
         and bool(bins.areas.sum() > 0.0)
+        and _squares(bins) <= _MOST_SQUARES
     )
     if grid.width <= 0 or grid.height <= 0:
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
-    if searched and density is None and effort != "fast" and _squares(bins) <= _MOST_SQUARES:
-        found = _searched(bins, size, padding, effort, threads)
-        if found is not None:
-            bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
-            return _packed(bins, size, padding, reshaped)
+    n_first = min(n_orders, _FEW_ORDERS) if searched else n_orders
     if density is not None:
         if not place_at_scale(bins, density * unit / grid.cell, n_orders):
             raise UnwrapError(_does_not_fit_at(bins, density, unit, size, padding, name))
-    elif not place_at_largest_scale(bins, n_orders):
+    elif not place_at_largest_scale(bins, n_first):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
+    if searched:
+        found = _searched(bins, size, padding, effort, threads)
+        if found is not None and found.scale > bins.found.scale:
+            bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
+        else:
+            enlarge(bins, bins.found.scale, range(n_first + 1, n_orders + 1))
     return _packed(bins, size, padding, reshaped)
 
 
@@ -226,10 +232,8 @@ def _searched(
         layouts = _best(
             lambda draft: squeeze_layout(draft, most_work=work, seed=0), drafts, threads
         )
-    elif place_at_largest_scale(bins, 0):
-        layouts = [bins.found.layout(bins.grid, bins.angles)]
     else:
-        return None
+        layouts = [bins.found.layout(bins.grid, bins.angles)]
     work = int(budget.refine_work * share) + scaling_work
     settled = _best(
         lambda layout: refine_layout(charts, layout, bins.grid, most_work=work, seed=0),
