@@ -149,7 +149,8 @@ def pack_charts(
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
     if searched:
         found = _searched(bins, size, padding, effort, threads)
-        if found is not None and found.scale > bins.found.scale:
+        # Strips with faces narrower than a texel own more texels if they are at an angle.
+        if found is not None and (found.scale > bins.found.scale or reshaped.any()):
             bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
         else:
             enlarge(bins, bins.found.scale, range(n_first + 1, n_orders + 1))
