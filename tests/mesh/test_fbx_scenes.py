@@ -75,6 +75,7 @@ def test_a_camera_and_a_light_become_those_of_gltf(tmp_path, version, form):
     cone = light["spot"]
     assert (cone["outerConeAngle"], cone["innerConeAngle"]) == pytest.approx(np.radians([30, 10]))
     nodes = document["nodes"]
+    assert len({node["name"] for node in nodes}) == len(nodes)
     parents = {child: i for i, node in enumerate(nodes) for child in node.get("children", ())}
     for number, node in enumerate(nodes):
         if "camera" in node or "extensions" in node:
@@ -88,6 +89,19 @@ def test_a_camera_and_a_light_become_those_of_gltf(tmp_path, version, form):
             ahead = [1, 0, 0] if is_camera else [0, -1, 0]
             np.testing.assert_allclose(matrix[:3, :3] @ [0, 0, -1], ahead, atol=1e-6)
             np.testing.assert_allclose(matrix[:3, :3].T @ matrix[:3, :3], np.eye(3), atol=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "solid_angle"), [(0, 4.0 * np.pi), (1, 1.0), (2, 4.0 * np.pi)])
+def test_watts_of_blender_become_candela_and_lux_and_a_shift_is_missed(tmp_path, kind, solid_angle):
+    views = {"Camera": CAMERA | {"FilmOffsetY": [0.2]}, "Light": LIGHT | {"LightType": [kind]}}
+    nodes = [("Creator", ["Blender (stable FBX IO) - 5.0.1"], []), *with_views(7400, views)]
+    (tmp_path / "a.fbx").write_bytes(written(nodes, 7400, "binary"))
+    lines = transform_file(tmp_path / "a.fbx", tmp_path / "b.glb").warnings
+    assert any("without 1 camera shift" in line for line in lines)
+    document, _ = read_glb(tmp_path / "b.glb")
+    (light,) = document["extensions"]["KHR_lights_punctual"]["lights"]
+    # 683 lumens are a watt of green light; Blender's exporter of glTF writes these numbers.
+    assert light["intensity"] == pytest.approx(2.5 * 683.0 / solid_angle)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 A camera of FBX looks along +X of its model and a light shines along -Y, where both of glTF take -Z.
 So each gets a node below its model, which undoes the scale of the model as well. An intensity of
-100 % is 1 candela, or 1 lux of a directional light: FBX has no unit for it.
+100 % is 1 candela, or 1 lux of a directional light: FBX has no unit for it. In files of Blender it
+is 1 watt in all directions, or 1 watt per square meter, which become what Blender writes to glTF.
 
 Based on: Autodesk, "FBX SDK Programmer's Guide", 2020, for FbxCamera and FbxLight; B. Raiskila,
 "ufbx", 2020, for the width of orthographic views.
@@ -22,6 +23,7 @@ from texbake.mesh.mesh import FloatArray
 from texbake.mesh.rig import inverse, matrix_field
 
 CAMERA, LIGHT = "Camera", "Light"
+_LUMENS_PER_WATT = 683.0
 _GREATEST = 1e18  # of numbers that are taken for sound
 _MILLIMETERS = 25.4  # of an inch
 _WIDTH_OF_ZOOM = 30.0  # units of the file that an orthographic view shows; Blender writes meters
@@ -115,12 +117,20 @@ def _slope(item: FbxObject, name: str, default: float) -> float:
     return float(pm.sin(angle)) / float(pm.cos(angle))
 
 
-def read_light(item: FbxObject) -> dict[str, Any] | None:
+def is_shifted(item: FbxObject) -> bool:
+    """Whether the film of a camera lies beside its axis, which glTF has no field for."""
+    return any(_number(item, f"FilmOffset{axis}", 0.0) != 0.0 for axis in "XY")
+
+
+def read_light(scene: FbxScene, item: FbxObject) -> dict[str, Any] | None:
     """Read a light as glTF has it; None for areas and volumes."""
     kind = _whole(item, "LightType", 0)
     if kind not in range(len(_LIGHT_TYPES)):
         return None
     brightness = max(_number(item, "Intensity", 100.0), 0.0) / 100.0
+    if scene.creator.startswith("Blender"):
+        is_sun = _LIGHT_TYPES[kind] == "directional"
+        brightness *= _LUMENS_PER_WATT / (1.0 if is_sun else 4.0 * math.pi)
     exposure = min(max(_number(item, "Exposure", 0.0), -64.0), 64.0)
     light: dict[str, Any] = {
         "type": _LIGHT_TYPES[kind],

@@ -31,7 +31,14 @@ from texbake.mesh.files.fbx_animations import (
     read_animations,
     shape_weights,
 )
-from texbake.mesh.files.fbx_cameras import LIGHT, read_camera, read_light, view_node, views_of
+from texbake.mesh.files.fbx_cameras import (
+    LIGHT,
+    is_shifted,
+    read_camera,
+    read_light,
+    view_node,
+    views_of,
+)
 from texbake.mesh.files.fbx_curves import Curve
 from texbake.mesh.files.fbx_scene import (
     FbxObject,
@@ -221,7 +228,7 @@ class _RigReader:
             arrays=self.arrays,
             objects=objects,
             has_morph_normals=True,
-            passed_over=tuple(counted(n, noun) for noun, n in left_out.items()),
+            passed_over=tuple(counted(n, noun) for noun, n in left_out.items() if n),
         )
 
     def _add_views(self, content: dict[str, Any]) -> Counter[str]:
@@ -232,7 +239,7 @@ class _RigReader:
             number = self.motions.numbers[item.model.key]
             for kind, source in views_of(scene, item.model):
                 node = view_node(kind, pm.matmul(scene.axes, self.world[number]))
-                light = read_light(source) if kind == LIGHT else None
+                light = read_light(scene, source) if kind == LIGHT else None
                 if kind == LIGHT and light is None:
                     left_out["area or volume light"] += 1
                     continue
@@ -246,8 +253,10 @@ class _RigReader:
                     cameras = content.setdefault("cameras", [])
                     node["camera"] = len(cameras)
                     cameras.append(read_camera(scene, source))
+                    left_out["camera shift"] += is_shifted(source)
                 nodes[number].setdefault("children", []).append(len(nodes))
-                nodes.append({"name": item.model.name, **node})
+                # As Blender calls such nodes: names of nodes are unique in many programs.
+                nodes.append({"name": f"{item.model.name}_Orientation", **node})
         if lights:
             content["extensions"] = {LIGHTS: {"lights": lights}}
         return left_out
