@@ -10,8 +10,9 @@ from typing import IO, Self
 
 from texbake.records import dataclass
 
-# A stage is timed for this long before its length is estimated.
-_TIMED = 3.0
+# Before its length is estimated, a stage is timed for this long, and for this share of its work or
+# the longer time: the first units also load libraries and wait for other programs.
+_TIMED, _LEAST_SHARE, _TIMED_LONG = 3.0, 0.1, 30.0
 # The state of a shorter stage would be "0 s".
 _SHOWN = 0.5
 # Shorter stages are not announced.
@@ -32,7 +33,7 @@ class TimedStage:
     def announcement(self, now: float) -> str | None:
         """Say, once and in its first half, how long the stage takes, if more than a minute."""
         seconds = now - self.begun
-        if self.is_announced or not self.total or not self.done or seconds < _TIMED:
+        if self.is_announced or not self.total or seconds < _TIMED or not self._is_steady(seconds):
             return None
         expected = seconds * self.total / self.done
         self.is_announced = expected > _LONG and 2 * self.done < self.total
@@ -43,9 +44,14 @@ class TimedStage:
         seconds = now - self.begun
         if not self.total or not self.done:
             return f"{self.name}: {rounded(seconds)}"
-        left = seconds * (self.total - self.done) / self.done
-        percent = 100 * self.done // self.total
-        return f"{self.name}: {percent} % in {rounded(seconds)}, about {rounded(left)} left"
+        state = f"{self.name}: {100 * self.done // self.total} % in {rounded(seconds)}"
+        if not self._is_steady(seconds):
+            return state
+        return f"{state}, about {rounded(seconds * (self.total - self.done) / self.done)} left"
+
+    def _is_steady(self, seconds: float) -> bool:
+        """Whether enough is done to tell from it how long the rest takes."""
+        return self.done > (0 if seconds >= _TIMED_LONG else _LEAST_SHARE * (self.total or 0))
 
 
 def rounded(seconds: float) -> str:

@@ -126,12 +126,26 @@ def test_a_long_stage_is_announced_once():
     lines, printed, now = timed_lines()
     lines.started("bake", 1000, "texels")
     now[0] += 2.0
-    lines.advanced("bake", 10)  # not timed for long enough
+    lines.advanced("bake", 110)  # not timed for long enough
     now[0] += 3.0
-    lines.advanced("bake", 20)
+    lines.advanced("bake", 100)  # the first units may be slow
+    assert lines.running["bake"].state(now[0]) == "bake: 10 % in 5 s"
     now[0] += 10.0
-    lines.advanced("bake", 21)
-    assert printed == ["bake takes about 4.2 min"]
+    lines.advanced("bake", 101)
+    now[0] += 10.0
+    lines.advanced("bake", 102)
+    assert printed == ["bake takes about 2.5 min"]
+
+
+def test_a_slow_stage_is_announced_before_a_tenth_is_done():
+    lines, printed, now = timed_lines()
+    lines.started("bake", 1000, "texels")
+    now[0] += 29.0
+    lines.advanced("bake", 20)
+    assert not printed
+    now[0] += 1.0
+    lines.advanced("bake", 20)
+    assert printed == ["bake takes about 25 min"]
 
 
 def test_a_stage_of_less_than_a_minute_is_not_announced():
