@@ -1,8 +1,7 @@
 """Child processes that answer requests one after another, and are replaced when they end.
 
-A compiled library may crash or never return on a hostile file. In a process of its own it cannot
-harm the rest, and several run side by side. Each process answers many requests, because starting
-one costs more than most answers.
+A compiled library may crash or never return on a hostile file. Each process answers many requests,
+because starting one costs more than most answers.
 
 A child is a module that calls `serve`. A request or an answer is a value as `messages` packs it,
 after its length: eight bytes, little-endian.

@@ -3,12 +3,9 @@
 All vertices start as far out as the highest point over any of their faces, so that everything lies
 inside. Then they move in, halfway at a time, until a point would come through one of their faces.
 
-Over the inside of a cage face the farthest points of the high-poly surface are its vertices. Over
-edges and vertices of the cage they need not be, so rays cast outward from the low-poly surface find
-points there. A vertex lies over the point of the low-poly surface whose smooth normal goes through
-it.
-
-Kernel: `core/cage.c`.
+Over the inside of a cage face the farthest points of the high-poly surface are its vertices; over
+its edges, rays cast outward from the low-poly surface find points. A vertex lies over the point of
+the low-poly surface whose smooth normal goes through it. Kernel: `core/cage.c`.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """The hits of a bake in a file, from which other maps are made without the high-poly mesh or rays.
 
-The file is an uncompressed .npz with everything that maps are made from. It takes 40 bytes per
-sample: texel, face and weights on both meshes, and the offset between them; 20 bytes more if
-secondary rays were cast. It also holds the low-poly mesh, and those faces of the high-poly mesh
-that were hit, with their normals, curvatures, texture coordinates, colors, groups and materials.
-Images of materials are stored as the bytes of their files.
+An uncompressed .npz with 40 to 60 bytes per sample, the low-poly mesh, and the faces of the
+high-poly mesh that were hit, with all their attributes and the files of their images.
 """
 
 from __future__ import annotations

@@ -10,10 +10,9 @@ detail beside hard edges skewed) and the normal of the face (1: straight, with g
 An offset map scales how far out a ray starts: 1 keeps the front distance, or that of the cage; 0
 starts on the low-poly surface. Both are looked up bilinearly at the samples.
 
-A ray that found nothing is cast again, as far as the greatest distance of the bake. It could start
-beyond the next part of the model, as beyond the next finger of a hand, and hit that instead of its
-own part (`UnobstructedRays`). So it starts no farther out than the first face of the low-poly mesh
-that faces it from there, and ends where it leaves its own part of the low-poly mesh at the back.
+A ray that found nothing is cast again, as far as the greatest distance of the bake, but starts no
+farther out than the first face of the low-poly mesh that faces it from there, and ends where it
+leaves its own part at the back (`UnobstructedRays`): it must not hit the next finger of a hand.
 What the low-poly mesh leaves out, like a stud on a plate, limits nothing.
 
 Kernel: `core/sample_rays.c`.

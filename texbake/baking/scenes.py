@@ -1,15 +1,12 @@
 """The ray scenes of a bake, and how far its rays must go where the user does not say.
 
-The extent of the rays is measured from both meshes. From the high-poly mesh: each of its vertices
-lies at some distance outside or inside the low-poly surface. From the low-poly mesh: along the
-very rays of the bake, the high-poly surface lies at some distance out or in. The extent is the
-greatest of both, plus a margin for what lies between the samples. A longer one would let rays start
-beyond neighboring parts of the model.
+The extent of the rays is the greatest distance of the vertices of the high-poly mesh from the
+low-poly surface, and of the high-poly surface along the rays of the bake, plus a margin for what
+lies between the samples. A longer one would let rays start beyond neighboring parts of the model.
 
-A high-poly mesh that faces inwards is flipped before it is baked. Rays from a few points of the
-low-poly mesh show whether that could be so: the nearest high-poly surface along them should face as
-the low-poly mesh does. Only if some of it does not, which is rare, the whole high-poly mesh is
-examined. It is flipped only if it then agrees better.
+A high-poly mesh that faces inwards is flipped before it is baked, if that agrees better with the
+low-poly mesh. It is examined only if the surfaces nearest to a few points of that mesh do not all
+face as it does.
 """
 
 from __future__ import annotations

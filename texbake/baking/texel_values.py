@@ -3,10 +3,8 @@
 The value of a texel is the mean of its hits, or the first of them. Padding is a dilation from the
 nearest texel, then a smooth fill.
 
-A texel whose rays missed keeps the neutral value of the map. It is neither a source nor a target of
-padding or fill, so that a miss is never passed off as data. Only colors are continued into misses,
-where a black spot would be worse.
-
+A texel whose rays missed keeps the neutral value of the map, and is neither a source nor a target
+of padding or fill. Only colors are continued into misses, where a black spot would be worse.
 Kernel: `core/texel_sums.c`.
 """
 

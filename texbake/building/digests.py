@@ -1,13 +1,11 @@
 """Checksums of values, of unchanged files, which are remembered, and of their sidecars.
 
-A file counts as unchanged while its size, its times of modification and of change, and its inode
-are the same. File systems' clocks tick in steps: a file that was changed within one step before it
-was read is read again the next time.
+A file counts as unchanged while its size, times and inode are the same. One that was changed within
+one step of the file system's clock before it was read is read again the next time.
 
-Sidecars are files that a mesh file names and that are read with it: buffers, materials, images,
-layers. They follow from the content of the file alone, and not from which files exist, so that they
-can be remembered as long as the content is the same. A line that can be read as several names gives
-all of them. Which of them are read is another question: `is_followed`.
+Sidecars are files that a mesh file names and that are read with it. They follow from its content
+alone, and not from which files exist, so that they can be remembered as long as that is the same. A
+line that can be read as several names gives all of them. `is_followed` says which are read.
 """
 
 from __future__ import annotations

@@ -63,9 +63,9 @@ def draw_findings(report: CheckReport, size: int) -> Float32Array:
     return tiled(panels)
 
 
-def tiled(panels: list[Float32Array], columns: int = _COLUMNS) -> Float32Array:
+def tiled(panels: list[Float32Array]) -> Float32Array:
     """Arrange pictures of equal size in rows and columns on a white background."""
-    columns = min(columns, len(panels))
+    columns = min(_COLUMNS, len(panels))
     n_rows = math.ceil(len(panels) / columns)
     height, width = panels[0].shape[:2]
     gap = max(4, width // 40)

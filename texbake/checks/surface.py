@@ -1,14 +1,12 @@
 """Checks of a surface: its faces, edges and vertices, and faces that pass through one another.
 
-Vertices at one place count as one, since many formats split them; duplicates that waste memory are
-reported. Edges and fans are searched among faces with three different places that repeat no other
-face, so that each fault is reported once, under its own name.
+Vertices at one place count as one. Edges and fans are searched among faces with three different
+places that repeat no other face, so that each fault is reported once, under its own name.
 
 Two triangles in different planes intersect where each has corners on both sides of the other's
-plane, and the segments that they cut out of the line common to both planes overlap. Candidates come
-from a tree of boxes. One crossing face is enough to flag a face, so that a thousand sheets through
-one another cost no more than two. A crossing must be deeper and longer than the rounding of files,
-so that shells that rest on one another do not count, nor neighbors that share a corner.
+plane, and their segments of the line common to both planes overlap. One crossing is enough to flag
+a face. It must be deeper and longer than the rounding of files, so that shells that rest on one
+another do not count, nor neighbors that share a corner.
 
 Based on: Guéziec, Taubin, Lazarus, Horn, "Cutting and stitching: converting sets of polygons to
 manifold surfaces", 2001 (singular edges and vertices). Kernel of the intersections:

@@ -1,10 +1,8 @@
 """Thin walls and narrow gaps of the low-poly mesh that the rays of a bake pass through.
 
-A ray of the bake starts in front of the low-poly surface and ends behind it, at the ray distances
-that the bake fits to each vertex. It should hit the high-poly surface next to where it crosses the
-low-poly one. Behind a wall thinner than the ray distance, or across a gap narrower than it, there
-is another wall of the low-poly mesh; a ray that hits the high-poly surface only there takes the
-detail of the wrong wall. One ray is cast from the center of each face.
+A ray should hit the high-poly surface next to where it crosses the low-poly one. Behind a wall
+thinner than the ray distance, or across a narrower gap, it can take the detail of another wall
+instead. One ray is cast from the center of each face, as far as the bake fits to it.
 """
 
 from __future__ import annotations

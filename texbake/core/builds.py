@@ -1,10 +1,9 @@
 """Builds of the core: in this folder, in the installed package, or in a cache.
 
-The name of a build has the level of instructions and the checksum of the sources that it was
-compiled from: `core-x86-64-v3-0123abcd.so`. A checkout, which has the sources, uses no build of
-other sources, because their results could differ: it looks for a build in its own folder, then in
-the installed package, and otherwise compiles one into the cache. An installed package has no
-sources, and uses the builds beside it.
+The name of a build has the level of instructions and the checksum of its sources:
+`core-x86-64-v3-0123abcd.so`. A checkout uses no build of other sources, because their results could
+differ: it looks in its own folder, then in the installed package, and otherwise compiles one into
+the cache.
 
 `compile_core.py` imports this before anything is installed.
 """

@@ -6,10 +6,9 @@ The error of a picture is measured on its texels, once for a side and once for a
 side; at large sides, only of codings that would be chosen by what small sides predict. Pictures of
 the whole decide between candidates.
 
-For a number of bytes, numbers of triangles are tried from many to few: four that fit, unless fewer
-triangles look worse; and then one between the best and the next larger. For a PSNR, bisection finds
-the fewest triangles that reach it with the finest images, and then the fewest bytes; more triangles
-are tried as long as the file gets smaller with them.
+For a number of bytes, numbers of triangles are tried from many to few, then one between the best
+and the next larger. For a PSNR, bisection finds the fewest triangles that reach it with the finest
+images, and then the fewest bytes.
 
 Based on: Shoham, Gersho, "Efficient bit allocation for an arbitrary set of quantizers", IEEE
 Transactions on Acoustics, Speech, and Signal Processing 36, 1988, for the choice among codings.

@@ -52,19 +52,17 @@ def render_checker(
     *,
     n_cells: int = N_CELLS,
     threads: int | None = None,
-    progress: Progress = None,
 ) -> Float32Array:
     """(H, W, 3) linear picture from four sides with a numbered checker, cropped."""
     mesh = as_mesh(mesh)
     options = options or CHECKER_PICTURE
-    with Stages(progress).stage("prepare"):
-        checker = checker_image(_texels_for(mesh, n_cells), n_cells)
-        scene = studio_scene(mesh, albedo=checker, options=options)
-        prepared = prepare(scene, options, threads=threads)
+    checker = checker_image(_texels_for(mesh, n_cells), n_cells)
+    scene = studio_scene(mesh, albedo=checker, options=options)
+    prepared = prepare(scene, options, threads=threads)
     panels = []
     seen = np.zeros((options.height, options.width), dtype=bool)
     for side, (azimuth, camera) in zip(_SIDES, _cameras(mesh, options), strict=True):
-        frame = draw(prepared, camera, progress=progress)
+        frame = draw(prepared, camera)
         seen |= frame.coverage > 0.0
         panels.append(Panel(frame.color, side, azimuth))
     return side_by_side(panels, seen)
@@ -131,14 +129,9 @@ def write_findings(report: CheckReport, path: PathLike, *, progress: Progress = 
 
 
 def render_findings(
-    report: CheckReport,
-    options: RenderOptions | None = None,
-    *,
-    threads: int | None = None,
-    progress: Progress = None,
+    report: CheckReport, *, threads: int | None = None, progress: Progress = None
 ) -> Float32Array:
     """(H, W, 3) picture from four sides with the faces of each finding in color."""
-    options = options or FINDINGS_PICTURE
     shown = [finding for finding in report.findings if len(finding.faces)]
     if not shown:
         raise OptionError("check: no finding is at any face; there is nothing to draw")
@@ -147,7 +140,7 @@ def render_findings(
         for finding in shown:
             mesh = report.low if finding.mesh == "low" else report.high
             assert mesh is not None
-            rows.append(_row(mesh, finding, options, threads))
+            rows.append(_row(mesh, finding, FINDINGS_PICTURE, threads))
             advance(1)
     width = max(row.shape[1] for row in rows)
     # Shorter rows are continued in their background.

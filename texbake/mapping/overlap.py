@@ -1,10 +1,8 @@
 """Faces that overlap in texture space, and islands that lie on one another on purpose.
 
-Pairs of faces to compare come from a tree of bounding boxes, packed over the faces in the order of
-a space-filling curve. One overlap is enough to mark a face, so that a stack of thousands costs no
-more than a stack of two. The number of comparisons is bounded even in the worst case, such as a
-hundred thousand slivers side by side along a diagonal; faces that were not compared with all others
-are reported.
+Pairs of faces to compare come from a tree of bounding boxes. One overlap is enough to mark a face,
+so that a stack of thousands costs no more than a stack of two. The number of comparisons is
+bounded; faces that were not compared with all others are reported.
 
 Mirrored halves, and parts that repeat, are often given the same texels. Such stacked islands have
 the same corners and outline in the texture, but for whole tiles, and about the same shape in space.

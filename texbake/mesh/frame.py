@@ -3,13 +3,11 @@
 Whatever works in float32 (ray casting) or with absolute thresholds works in it, so that the size
 and place of a model change nothing.
 
-The scale is a power of two. So scaling changes no bits of a coordinate, only the move to the center
-rounds (by half a unit in the last place), lengths convert exactly both ways, and a model scaled by
-a power of two has bit-equal local coordinates.
+The scale is a power of two, so that scaling changes no bits and only the move to the center rounds.
+Lengths convert exactly both ways.
 
-Scaling by any other factor, or moving a model, rounds its coordinates. Code that chooses among
-equal costs (which edge collapses next, where a chart is cut) works on a `UnitGrid`, whose points do
-not change with such rounding.
+Code that chooses among equal costs (which edge collapses next, where a chart is cut) works on a
+`UnitGrid`, whose points do not change where a model is scaled by another factor, or moved.
 """
 
 from __future__ import annotations

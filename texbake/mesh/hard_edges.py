@@ -5,14 +5,12 @@ each vertex, corners between hard edges share a normal, weighted by angle. Edges
 more than two faces, or of two faces that are wound in opposite ways join nothing. Within one
 polygon, a normal is that of the polygon.
 
-Files without normals say which edges are hard by smoothing groups of polygons, or by marking edges.
-Scans, marching cubes and many exporters write one normal for each face. Such normals say nothing of
-where an edge is hard: read as hard edges, every edge of a curved surface would be one.
+Files without normals say which edges are hard by smoothing groups, or by marking edges. One normal
+for each face, as scans and many exporters write them, says nothing of hard edges.
 
 Edges at which faces meet at a large angle are sharp if they form long lines on a surface that is
-mostly flat or gently curved elsewhere, as on machined parts and buildings. Noise in scans makes
-single such edges, and in coarse organic shapes most edges are such. In 23 meshes, 0.94 to 1.00 of
-the ends of such edges meet another one on hard-surface models, and 0.65 to 0.87 on others.
+mostly flat or gently curved elsewhere. In 23 meshes, 0.94 to 1.00 of the ends of such edges meet
+another one on hard-surface models, and 0.65 to 0.87 on others.
 
 Kernel: `core/union_find.c`.
 """

@@ -1,10 +1,8 @@
 """Parts of a model, enlarged before it is simplified, so that small ones keep their share of faces.
 
-The quadric error of a part grows with the fourth power of its size, so that simplifying takes a
-small part's faces long before those of a large one: wheels become hexagons while the body stays
-smooth. In pictures, what shows is how far outlines move times their length, which grows with the
-square. Parts are scaled by a root of how small they are, so that what shows is about
-the same for all.
+The quadric error of a part grows with the fourth power of its size, while what shows in pictures
+grows with the square: small parts would become coarse long before large ones. Parts are scaled by a
+root of how small they are, so that what shows is about the same for all.
 """
 
 from __future__ import annotations

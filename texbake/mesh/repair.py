@@ -1,10 +1,8 @@
 """Safe repairs of a mesh: those that move nothing on its surface.
 
-Vertices of one object at one position are joined, and those that no face uses removed; faces
-without area and duplicate faces are removed; neighbors are flipped so that they wind alike, and
-closed parts so that they face outwards. What cannot be repaired without changing the surface
-(holes, edges with three faces, parts that intersect) is left as it is; `texbake.check` names it. A
-mesh that was repaired is not changed by another repair.
+Vertices of one object at one position are joined; unused vertices, faces without area and duplicate
+faces go; neighbors are wound alike, and closed parts face outwards. Holes, edges with three faces
+and parts that intersect stay; `texbake.check` names them. A second repair changes nothing.
 """
 
 from __future__ import annotations

@@ -3,9 +3,8 @@
 All wind counter-clockwise seen from outside and come out the same on every run. The polar axis of
 `grid_sphere` and `uv_sphere` is z, as mathematics has it; `orange` stands on the world's +Y.
 
-The orange is a flattened sphere, made uneven by a few long waves, dented at the stem and at the
-navel, with pores of varied size and depth. The pores sit on a Fibonacci lattice, which spaces them
-evenly without a pole or a seam, each moved a little by a hash of its number so that no rows show.
+The orange is a flattened sphere with a few long waves, dented at the stem and at the navel, with
+pores on a Fibonacci lattice, each moved a little by a hash of its number.
 
 Based on: Christopher J. Kitrick, "Geodesic domes", Structural Topology 11, 1985 (points spaced
 evenly in angle over a spherical triangle); Álvaro González, "Measurement of areas on a sphere using

@@ -57,11 +57,7 @@ class MirrorPlane:
 
 
 def find_mirror_plane(
-    points: FloatArray,
-    faces: IntArray,
-    *,
-    tolerance: float = MIRROR_TOLERANCE,
-    threads: int | None = None,
+    points: FloatArray, faces: IntArray, *, threads: int | None = None
 ) -> MirrorPlane | None:
     """Find the plane that mirrors a surface of about unit size onto itself, if any."""
     n_most = max(n for n, _, _ in _ROUNDS)
@@ -77,11 +73,11 @@ def find_mirror_plane(
     ]
     for n_samples, n_steps, most in _ROUNDS:
         few = samples[:: len(samples) // n_samples]
-        refined = [_refined(plane, tree, few, n_steps, diagonal, tolerance) for plane in planes]
+        refined = [_refined(plane, tree, few, n_steps, diagonal) for plane in planes]
         planes = _distinct(
             plane
             for plane in refined
-            if plane.error <= most * tolerance
+            if plane.error <= most * MIRROR_TOLERANCE
             and plane.error * diagonal
             <= most * _ACROSS_TOLERANCE * float(np.ptp(plane.heights(samples)))
         )
@@ -105,16 +101,11 @@ def _directions(about: FloatArray) -> list[FloatArray]:
 
 
 def _refined(
-    plane: MirrorPlane,
-    tree: TriangleTree,
-    samples: FloatArray,
-    n_steps: int,
-    diagonal: float,
-    tolerance: float,
+    plane: MirrorPlane, tree: TriangleTree, samples: FloatArray, n_steps: int, diagonal: float
 ) -> MirrorPlane:
     """Move a plane so that the mirror images of samples come closer to the surface."""
     best = plane
-    farthest = _FARTHEST * tolerance * diagonal
+    farthest = _FARTHEST * MIRROR_TOLERANCE * diagonal
     for _ in range(n_steps + 1):
         images = plane.mirrored(samples)
         distances, face_ids, weights = tree.closest_points(images, max_distance=farthest, threads=1)

@@ -1,15 +1,13 @@
 """Whether a mesh is better wrapped before it is simplified, and why.
 
-One closed surface with few tunnels is not. Of other meshes, a coarse wrap shows what they are:
-where much of it has the mesh's outside on both sides, the mesh is an open surface, such as a range
-scan, cloth, leaves or terrain, and stays one. Where much of the mesh lies inside of the wrap, or
-its edges have more than two faces, simplifying it would spend triangles on what is not seen, or
-tear it. A mesh of several objects stays as it is, because wrapping would join them. Where a closed
-mesh has more tunnels than the triangles can show, they must be closed.
+One closed surface with few tunnels is not. Of other meshes, a coarse wrap shows what they are.
+Where much of it has the mesh's outside on both sides, the mesh is an open surface, and stays one.
+Where much of the mesh lies inside of the wrap, or its edges have more than two faces, simplifying
+it would spend triangles on what is not seen, or tear it. A mesh of several objects stays as it is.
+Where a closed mesh has more tunnels than the triangles can show, they must be closed.
 
-For that, gaps are closed up to the narrowest width that leaves few enough tunnels. The filling is
-then carved out again, from outside and to a small depth, wherever that opens no tunnel: pores
-become pits.
+For that, gaps are closed up to the narrowest width that leaves few enough tunnels, and the filling
+is carved out again wherever that opens no tunnel: pores become pits.
 
 Based on: Andrzej Szymczak, James Vanderhyde, "Extraction of Topologically Simple Isosurfaces from
 Volume Datasets", IEEE Visualization 2003.

@@ -5,9 +5,6 @@ time even where they are nearly parallel. Hits are exact: no ray passes between 
 share an edge, and a hit does not depend on the number of threads, on the other rays of a call, or
 on whether the mesh is traced in chunks.
 
-Secondary rays, which spread over hemispheres, are cast one by one into the same tree, with the same
-exact test.
-
 Kernels: `core/tile_bundles.c`, `core/single_rays.c`.
 """
 

@@ -4,11 +4,10 @@ World and camera space are right-handed. The camera looks along its own -z axis,
 right and +y up in the picture. Depth is reversed without a far plane: 1 at the near plane, 0 at
 infinity. This gives float32 depths the same relative precision at all distances.
 
-`Camera.framing` fits a sphere into the picture, which suits pictures from all around but leaves a
-long mesh small. `fill_picture` places the camera so that the meshes themselves reach the sides of
-the picture: for a direction of view, each vertex and side give one inequality for the position of
-the eye, and the tightest for each side is the extreme of a linear function of the vertices. It
-ignores strays: a few triangles far from everything else, and triangles without area.
+`Camera.framing` fits a sphere into the picture. `fill_picture` lets the meshes themselves reach its
+sides: each vertex and side give one inequality for the position of the eye, and the tightest for
+each side is the extreme of a linear function of the vertices. It ignores strays: a few triangles
+far from everything else, and triangles without area.
 
 Based on: Upchurch and Desbrun, "Tightening the precision of perspective rendering", Journal of
 Graphics Tools 16(1), 2012, for the infinite projection; reversed as in Reed, "Depth precision

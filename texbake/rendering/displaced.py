@@ -8,11 +8,8 @@ texture coordinates; at a UV seam the vertex moves by the mean of the map's valu
 The caller of `displaced` chooses which edges are too long: by their length in the picture
 (`EdgeView`), or by the texels of the map alone (`texel_lengths`).
 
-Edges that are too long are cut in the middle. A triangle is then divided into two, three or four
-pieces, depending on which of its edges were cut. The triangles on both sides of an edge always
-agree on its vertices, so no cracks open. Each cut adds one triangle for each triangle at the edge,
-so a limit on their number can be kept exactly. A triangle is never cut without its longest edge, so
-that pieces do not become thin, however unevenly the surface is subdivided.
+Edges that are too long are cut in the middle, the longest of a triangle at least, so that pieces do
+not become thin. The triangles on both sides of an edge agree on its vertices, so no cracks open.
 
          2               2               2               2
         / \             /|\             / \             / \

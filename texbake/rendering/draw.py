@@ -4,8 +4,7 @@
     ─► shade ─► sums of pixels ─► Frame
 
 `prepare` keeps results that do not depend on the camera, so that `draw` can be called for many
-cameras. The plan (`texbake.rendering.plan`) selects the effects (`texbake.rendering.effects`) that
-do the work; this module only runs them in order.
+cameras.
 """
 
 from __future__ import annotations
@@ -126,9 +125,9 @@ def without_light(prepared: Prepared) -> Prepared:
     return replace(prepared, scene=replace(prepared.scene, lighting=Lighting()))
 
 
-def plan_of(prepared: Prepared, camera: Camera, *, keep: Collection[str] = ()) -> Plan:
+def plan_of(prepared: Prepared, camera: Camera) -> Plan:
     """Return the passes that a picture from this camera needs, without running them."""
-    return compile_plan(prepared.request(camera, keep), prepared.effects)
+    return compile_plan(prepared.request(camera, ()), prepared.effects)
 
 
 def draw(

@@ -4,10 +4,9 @@ A pixel inside one triangle yields a single fragment at the pixel's center that 
 samples. A pixel at an edge yields one fragment per triangle, at the mean position of the samples
 that see it. Edges are antialiased this way, and pixels without an edge are shaded once.
 
-Effects add to the fragments of an object one after another, in the order of the plan: the position
-on the surface, the values of the material's slots, the normal, and the outgoing light. An array has
-one row per fragment, or a single row if all fragments share the value, so that constants cost
-nothing. Kernels read both with `row_of` of `core/fragment_values.h`.
+Effects add to the fragments of an object one after another, in the order of the plan. An array has
+one row per fragment, or a single row if all share the value; kernels read both with `row_of` of
+`core/fragment_values.h`.
 
 Kernels: `core/multisampling.c`, `core/interpolation.c`.
 """

@@ -100,11 +100,7 @@ def seen_objects(
 
 
 def shade_fragments(
-    state: RenderState,
-    visibility: VisibilityBuffer,
-    rows: tuple[int, int],
-    *,
-    wants_samples: bool = False,
+    state: RenderState, visibility: VisibilityBuffer, rows: tuple[int, int]
 ) -> tuple[FragmentRows, list[Fragments]]:
     """Shade the fragments of some rows of pixels, object by object."""
     with state.costs.timed("fragments"):
@@ -115,7 +111,6 @@ def shade_fragments(
             side=state.options.supersampling,
             merges=state.options.edges == "multisample"
             and state.options.interpolation != "scanline",
-            wants_samples=wants_samples,
         )
     return found, shade_objects(state, visibility, found)
 

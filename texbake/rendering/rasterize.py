@@ -4,14 +4,12 @@ The screen has width x height samples, each at the center of its cell, with row 
 Vertices are snapped to 1/256 of a sample, so coverage is decided exactly. Triangles with a corner
 off this grid are clipped when they are drawn.
 
-Two passes, each split into independent bands of work: the first sorts triangles into bands of rows,
-the second draws each band on one thread, in the order of the triangles. Barycentric weights are
-computed later, and only where they are needed (`texbake.rendering.fragments`). With `behind` and
+Triangles are sorted into bands of rows, each of which one thread draws in their order. Barycentric
+weights are computed later, where they are needed (`texbake.rendering.fragments`). With `behind` and
 `before`, transparent surfaces are peeled layer by layer.
 
-The classical scanline rasterizer walks down the edges row by row, then along each row. It exists
-for teaching and as an independent check: it runs on one thread, and rounding errors accumulate
-along a span.
+The classical scanline rasterizer walks down the edges row by row, for teaching and as an
+independent check: rounding errors accumulate along a span.
 
 Based on: Burns and Hunt, "The visibility buffer: a cache-friendly approach to deferred shading",
 JCGT 2(2), 2013.

@@ -1,15 +1,12 @@
 """Rounds of samples, each to a closer bound on the error, until a time budget is spent.
 
-The first samples of all texels or pixels already make a result. Each round then refines it to a
-bound that is closer than the one before. Samples that a round has taken are kept, and the next
-takes only what its bound asks for besides; what comes out is what the bound alone gives, so that
-the same bytes can be made again, on any machine.
+Each round refines the first samples to a bound that is closer than the one before. Samples are
+kept, and the next round takes only what its bound asks for besides: the result is what the bound
+alone gives, so that the same bytes can be made again, on any machine.
 
-How much work a bound is follows from the estimated errors: whatever is farther off takes its next
-samples, and some of that takes more. How long work takes is learnt from the samples taken so far. A
-round spends only a part of the time that is left, since it also shows how far both are off. A round
-that would not end in time is given up, and followed by one to a wider bound, for which its samples
-are kept as well.
+How much work a bound is follows from the estimated errors, and how long work takes from the samples
+taken so far. A round spends only a part of the time that is left. One that would not end in time is
+given up, and followed by one to a wider bound.
 """
 
 from __future__ import annotations

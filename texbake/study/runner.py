@@ -1,10 +1,8 @@
 """Runs the settings of a knob in interleaved rounds and times them.
 
-A machine warms up, slows down and is used by others meanwhile. So settings are not timed one after
-another, several times each, but in rounds in which each setting runs once, in an order that changes
-from round to round: what disturbs the machine for a while disturbs all settings. The median and the
-range of the rounds are reported. A round before them judges the products, and compiles and reads
-whatever has to be; its time is counted only for settings that are slow.
+Settings run in rounds, each once per round, in an order that changes: what disturbs the machine for
+a while disturbs all of them. The median and the range of the rounds are reported. A round before
+them judges the products; its time is counted only for settings that are slow.
 
 Based on: Georges, Buytaert, Eeckhout, "Statistically rigorous Java performance evaluation", OOPSLA
 2007 (rounds, ranges instead of a best time); Kalibera, Jones, "Rigorous benchmarking in reasonable

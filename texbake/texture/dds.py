@@ -22,7 +22,7 @@ from texbake.mesh.mesh import ByteArray, Float32Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.texture.encoding import encode_normals, quantize_srgb, unit_normals
-from texbake.texture.mipmaps import mip_chain, single_level
+from texbake.texture.mipmaps import mip_chain
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,6 @@ def write_dds(
     block_format: str,
     kind: str = "color",
     convention: str = "opengl",
-    mipmaps: bool = True,
     threads: int | None = None,
 ) -> None:
     """Write a linear (H, W, C) image as block-compressed DDS of a "color", "data" or "normal"."""
@@ -79,11 +78,7 @@ def write_dds(
             f"both sides must be multiples of 4, at most {_MAX_SIZE}"
         )
     encode = _encoder(path, block_format)
-    chain = (
-        mip_chain(values, kind=kind, wrap="clamp", threads=threads)
-        if mipmaps
-        else single_level(values)
-    )
+    chain = mip_chain(values, kind=kind, wrap="clamp", threads=threads)
     levels = [
         _encoded(_codes(chain.level(i), kind, convention, threads), encode, form, threads)
         for i in range(chain.n_levels)

@@ -1,8 +1,5 @@
 """Look up one-, two- and three-dimensional textures with linear interpolation.
 
-`lookup` reads an image, `ramp_lookup` a color ramp, `volume_lookup` a volume. The filters in
-`sample` also take into account how much of an image a pixel covers.
-
 A volume is a stack of images: slice k holds the values at (s, t, r) for r from k / depth to
 (k + 1) / depth. Its rows run from top to bottom, as in any image, while t points up. Kernel, which
 names the sources: `core/texture_lookup.c`.

@@ -1,10 +1,8 @@
 """Images of materials, read from model files, and written as glTF and .mtl files read them.
 
 An image that already has the layout that the file needs is kept byte for byte. For glTF, the
-channels of others are put into one PNG image for each texture of a material: the roughness of one
-file into green and the metallic of another into blue, for instance. Images of formats that glTF
-does not have, such as TGA or TIFF, become PNG as well. MTL has no statement for a component of an
-image, so that roughness in the green of a glTF image becomes a gray image of its own. Integer codes
+channels of others are put into one PNG image for each texture of a material. MTL has no statement
+for a component of an image, so that each channel becomes a gray image of its own. Integer codes
 keep their values; floats become codes of 16 bits.
 """
 

@@ -1,9 +1,8 @@
 """Compute the mip levels of an image, down to one texel, and write them.
 
-Each level has half the width and height of the one above it, rounded down. If those are even, each
-texel is the mean of 2 x 2 texels. If they are odd, a texel covers more than two texels of the level
-above in each direction and shares some with its neighbors, with weights that vary over the image.
-So no texel is left out, no level is shifted, and every level has the mean of the image.
+Each level has half the width and height of the one above it, rounded down. If those are odd, a
+texel shares texels of the level above with its neighbors, with weights that vary over the image, so
+that every level has the mean of the image.
 
 Values must be linear; sRGB values would give levels that are too dark.
 

@@ -1,12 +1,7 @@
 """Pack several images into one, and move the texture coordinates of their meshes along.
 
-Texels are copied one to one if there is room for them, so a lookup in the packed image reads the
-same texels with the same weights as in the original. Padding around each image makes this true at
-its border as well, where a lookup reads half a texel beyond it.
-
-Images are placed upright and at whole texels, because they are copied texel by texel. UV charts
-have neither restriction: `texbake.mapping.atlas.packing` rotates them and places them on a grid of
-cells.
+Texels are copied one to one if there is room for them, with padding around each image, so that a
+lookup in the packed image reads the same texels with the same weights as in the original.
 
 Based on: Huang, Korf, "Optimal rectangle packing: an absolute placement approach", 2013, for trying
 several sizes of the bin; Jylänki, "A thousand ways to pack the bin", 2010, for maximal free

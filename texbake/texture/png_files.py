@@ -1,9 +1,7 @@
 """Write PNG files with several threads.
 
-Texbake writes PNG files itself to control every byte: no gamma or color chunk on data, no date, the
-same bytes for any number of threads and on every machine. Rows are filtered and compressed in
-bands. Each band is a sequence of whole deflate blocks, so that the bands joined together are one
-valid stream.
+Every byte is under control: no gamma or color chunk on data, no date, the same bytes for any number
+of threads. Bands of rows are filtered and compressed to whole deflate blocks.
 
 Based on: Portable Network Graphics (PNG) Specification, third edition, W3C, 2025; Adler, pigz,
 2007, for compressing bands side by side.

@@ -7,10 +7,8 @@ Importance Sampling", 2008, for reading each sample from a level as wide as its 
 Hammersley points after Dammertz, "Hammersley Points on the Hemisphere", 2012, so that the result is
 the same each time; Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
 
-Irradiance is integrated, not projected onto spherical harmonics (Ramamoorthi and Hanrahan, "An
-Efficient Representation for Irradiance Environment Maps", 2001): nine coefficients ring around a
-small bright sun and can become negative, while the sum over a small cube map is exact at its size
-and takes a tenth of a second.
+Irradiance is integrated, not projected onto spherical harmonics, whose nine coefficients ring
+around a small bright sun and can become negative.
 
 The split-sum table departs from Karis in the masking and shadowing of microfacets, which are
 Smith's, height-correlated, as in the BRDF of glTF 2.0 (Heitz, "Understanding the Masking-Shadowing

@@ -2,9 +2,8 @@
 
 Samples are added until the errors are within a bound, or while there is time for a tighter one.
 
-At the end some texels are baked a second time, with 13 samples each on a Fibonacci lattice, to see
-whether the estimated errors can be trusted. Where values jump these are worth 12 samples on a grid,
-where they bend 6, so the check has an error of its own.
+At the end some texels are baked a second time, with 13 samples each on a Fibonacci lattice, worth 6
+to 12 on a grid, to see whether the estimated errors can be trusted.
 """
 
 from __future__ import annotations

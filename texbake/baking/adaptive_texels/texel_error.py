@@ -13,12 +13,9 @@ error of values that curve evenly. Partly covered texels are not sampled at thei
 show how values change. They are judged by the wholly covered texels beside them, and by how far
 they deviate from an even change.
 
-Texels with four more samples are judged by how far these deviate from what the first sample and its
-neighbors predict. Their mean takes a share of both: the shares that leave the least squares over
-maps of scans. Finer cells are judged like texels, by the cells beside them. At the border of a
-chart the middle of the covered part of a cell is not where its sample is.
-
-All of this is an estimate: what lies between all samples goes unnoticed.
+Texels with four more samples, and finer cells, are judged by how far these deviate from what the
+first sample and its neighbors predict, with the shares that leave the least squares over maps of
+scans. What lies between all samples goes unnoticed.
 
 Based on: Whitted, "An Improved Illumination Model for Shaded Display", Communications of the ACM
 23(6), 1980; the shares of bends and jumps follow by integration over lines through squares.

@@ -1,15 +1,12 @@
 """Compressed parts of glTF files: views by meshoptimizer, primitives by Draco, quantized vertices.
 
-meshoptimizer codes vertices as differences between neighbors, byte by byte, and triangles by the
-edges that they share with earlier triangles. Both are lossless, except that a triangle may begin
-with another of its corners. `gltf_primitives` reads Draco.
+Codes of meshoptimizer are lossless, except that a triangle may begin with another of its corners.
+`gltf_primitives` reads Draco.
 
-Quantized vertices are 8- and 16-bit integers. Positions are steps of one uniform grid for the whole
-file, so that what was one point in several primitives still is; the node has its place and its
-step. Normals, tangents and colors are 8-bit fractions. Texture coordinates in the unit square are
-16-bit fractions; those that leave it are fractions of a greater square, which KHR_texture_transform
-puts back into place. They stay floats where that square is so large that steps would be seen, or
-where no texture can carry the transform.
+Positions are 16-bit steps of one grid for the whole file, so that what was one point in several
+primitives still is; the node has its place and its step. Normals, tangents and colors are 8-bit
+fractions. Texture coordinates are 16-bit fractions of a square that KHR_texture_transform puts back
+into place, and floats where steps would be seen, or no texture can carry it.
 
 Based on:
     Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams

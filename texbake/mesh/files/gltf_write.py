@@ -1,12 +1,10 @@
 """Writing binary glTF 2.0: a primitive per group and material, with tangents and textures.
 
-Corners become vertices of a GPU stream: corners of a primitive whose attributes all agree, bit for
-bit, become one vertex. Triangles keep their order within a primitive, except in a compressed file,
-where neighbors follow one another. A mesh with a `Rig` goes back to the nodes that it came from.
-Without one, each group is a mesh and a node with its name, because primitives have no names. Names
-of further sets of texture coordinates are in the `extras` of the meshes, numbered without gaps.
-Tangents, which only normal maps need, are those of the mesh, else those of MikkTSpace for the
-texture coordinates that the normal map of the material lies on.
+Corners become vertices of a GPU stream, one where all attributes agree, bit for bit. Triangles keep
+their order within a primitive, except in a compressed file. A mesh with a `Rig` goes back to the
+nodes that it came from. Without one, each group is a mesh and a node with its name. Names of
+further sets of texture coordinates are in the `extras` of the meshes. Tangents are those of the
+mesh, else those of MikkTSpace for the coordinates that the normal map lies on.
 
 Levels of detail are nodes outside the scene: a reader that does not know MSFT_lod shows only the
 finest level.

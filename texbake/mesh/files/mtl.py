@@ -1,10 +1,8 @@
 """Materials of OBJ files, in the .mtl files that they name: read, and written with their images.
 
-MTL does not say how colors are meant. Here Kd and Ke are linear, and where there is an image, it
-alone is the color, because programs that write one leave arbitrary values beside it. Options of
-images are skipped, except for `-clamp`. `Tr` is skipped, because programs do not agree on whether 0
-or 1 is opaque. Roughness and metallic are the statements Pr and Pm of the extension for physically
-based materials; normal maps are those of `norm`.
+Kd and Ke are linear here, and where there is an image, it alone is the color. Of the options of
+images only `-clamp` is read; `Tr` is skipped, because programs do not agree on whether 0 or 1 is
+opaque. Roughness and metallic are Pr and Pm; normal maps are those of `norm`.
 
 Of a channel, its image or its factor is written, never both, and an image has one channel in it, as
 `texbake.texture.material_images` makes it.

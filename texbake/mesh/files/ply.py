@@ -2,9 +2,8 @@
 
 Based on: G. Turk, "The PLY Polygon File Format", 1994; property names after MeshLab and Blender.
 
-A body of text is read as a table of float64 numbers, whatever types the header names, so that no
-digit is lost; the rest is the same for all three formats. Rows of one size, which is what meshes of
-triangles have, are taken from the mapped file at once; others are walked.
+A body of text is read as a table of float64 numbers, so that no digit is lost. Rows of one size are
+taken from the mapped file at once; others are walked.
 
 Read are vertex positions (x, y, z), normals (nx, ny, nz), texture coordinates (s, t or u, v or
 texture_u, texture_v) and colors (red, green, blue, alpha; integers are divided by the greatest

@@ -1,9 +1,8 @@
 """Files that third-party libraries read, each in a process of its own.
 
-usd-core, trimesh and DracoPy are written for trusted files: some damaged files crash them,
-keep them busy forever, or make them take memory for counts that the file does not hold. So a child
-process reads such files, with limits of time and memory, and whatever happens to it becomes an
-error of one line.
+Some damaged files crash usd-core, trimesh and DracoPy, keep them busy forever, or make them take
+memory without limit. So a child process reads such files, with limits of time and memory, and
+whatever happens to it becomes an error of one line.
 
 The child is this module, run as a script. An answer is a pair: "answer", with the result and the
 warnings; the name of an error, with its message; or "bug", with a traceback.

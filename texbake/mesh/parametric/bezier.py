@@ -1,13 +1,11 @@
 """Bicubic Bézier patches, evaluated so that what should meet meets bit by bit.
 
-Weights of the Bernstein polynomials at k / n are whole numbers divided once, and terms are added
-from both ends, so that a curve traversed from its other end has the same points. Corners are the
-control points, and borders depend on their own four control points alone: patches that share those
-share the points of the border, in whichever direction each of them walks it.
+Weights are whole numbers divided once, and terms are added from both ends, so that a curve
+traversed from its other end has the same points. Borders depend on their own four control points
+alone, so that patches that share those share the border's points.
 
-Where a border is a single point (four equal control points, as at the lid of the classic teapot),
-the surface has no tangent along it. Its normal there is the limit on the way to it, for which the
-tangent's place is taken by the mixed second derivative.
+Where a border is a single point, its normal is the limit on the way to it, for which the tangent's
+place is taken by the mixed second derivative.
 
 Patch files come in the three layouts in which the classic teapot is found. Shared points, as in the
 data of F. Crow's article; indices begin at 1::

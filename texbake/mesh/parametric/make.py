@@ -4,21 +4,16 @@ This module makes the plane, the height field, range images and the Möbius stri
 revolution and Bézier patches are in separate modules.
 
 A plane and a height field face +z, with v along y. A height field has one vertex at the center of
-each pixel, with the height of the pixel and the texture coordinates of that center. An image of the
-same size fits it pixel by pixel, with borders half a pixel outside the surface.
+each pixel, whose texture coordinates it has, so that an image of the same size fits it.
 
-The center line of a Möbius strip is a circle about y through +z, where u is 1/2. There the strip is
-upright; along the circle it rotates about the center line, by pi per twist in a full turn. With an
-odd number of twists the ends join upside down: vertex (u = 1, v) is (u = 0, 1 - v). Faces wind
-counter-clockwise in (u, v), and normals are those of (u, v): both are continuous everywhere except
-at the seam, across which they jump to the other side. The surface has one side, so that any winding
-must have such a seam; `mesh_info` counts its edges as misoriented. Seen from behind, a face shows
-its back: render it with both sides of faces shown.
+The center line of a Möbius strip is a circle about y through +z, where u is 1/2 and the strip is
+upright; it rotates by pi per twist in a full turn. With an odd number of twists vertex (u = 1, v)
+is (u = 0, 1 - v), and normals jump to the other side at that seam, whose edges `mesh_info` counts
+as misoriented.
 
-A scanner that turns about an object gives a cylindrical range image: the radius over angle and
-height. A depth camera gives the distance along its axis for each pixel. Pixels that are 0, negative
-or not finite have no distance, and leave holes. Texture coordinates are the centers of the pixels,
-so that a photograph taken with the range fits.
+A cylindrical range image is the radius over angle and height; a depth image has distances along the
+camera's axis. Pixels that are 0, negative or not finite leave holes. Texture coordinates are the
+centers of the pixels, so that a photograph taken with the range fits.
 
 Based on: do Carmo, "Differential Geometry of Curves and Surfaces", 1976, section 2-6, example 3
 (the Möbius strip); Cyberware's cylindrical scans, as in Turk and Levoy, "Zippered polygon meshes

@@ -4,9 +4,8 @@ A loop of edges that have an odd number of faces passes no vertex twice, so that
 touches itself is several loops. The triangles that fill them are those of a polygon.
 
 Just off the faces of a body with holes, winding numbers are 0 on one side and 1 on the other, but
-for what is seen through its holes; those of a flat sheet are a half, of either sign. Sheets
-narrower than a few voxels, those with edges of three faces, and those with a single side are not
-open surfaces.
+for what is seen through its holes; those of a flat sheet are a half. Narrow sheets, those with
+edges of three faces, and those with a single side are not open surfaces.
 """
 
 from __future__ import annotations

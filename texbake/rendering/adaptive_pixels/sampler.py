@@ -7,10 +7,8 @@ takes many samples and few shadings, a sharp highlight few samples and many shad
 filters use the footprint of a whole pixel for every cell, so that refinement does not change the
 picture.
 
-The picture is rendered in windows, strips just wide enough for the selected pixels, so that memory
-is bounded for any number of samples.
-
-Kernel: `core/sample_statistics.c`.
+The picture is rendered in strips just wide enough for the selected pixels, so that memory is
+bounded. Kernel: `core/sample_statistics.c`.
 """
 
 from __future__ import annotations

@@ -11,12 +11,10 @@ plane both forms agree. N is the shading normal of the mesh or of a normal map; 
 it unchanged.
 
 d_u and d_v are differences of the height: central, d(u + h/2) - d(u - h/2), with an error of the
-order of h^2, or one-sided, `forward` d(u + h) - d(u) or `backward` d(u) - d(u - h), with an error
-of the order of h, which shifts the relief by half a step. The step h is one texel or one pixel,
-whichever is larger: within a texel the height is linear, so shorter steps would show the texels as
-facets. A procedure in space has no texture coordinates; there u and v are lengths along the
-triangle, and the step is one pixel, or 1/1024 of an edge at the corners of triangles that are
-shaded per vertex.
+order of h^2, or one-sided, `forward` or `backward`, with an error of the order of h, which shifts
+the relief by half a step. The step h is one texel or one pixel, whichever is larger. A procedure in
+space has lengths along the triangle for u and v, and steps of one pixel, or of 1/1024 of an edge at
+the corners of triangles that are shaded per vertex.
 
 `emboss` leaves the normal unchanged. For each lamp it adds to the diffuse light, per unit of light,
 f(u - L_u, v - L_v) - f(u + L_u, v + L_v), where (L_u, L_v) is the direction to the light along the
@@ -31,9 +29,6 @@ which is N'·L of Blinn's form. With `light_space` object, L is brought to the o
 compared with the normal there, which saves turning normals to world space. That is the same unless
 the object is scaled by different factors along its axes. Sides turned away from a lamp get nothing,
 and specular highlights are not embossed.
-
-Triangles without area, in space or on the texture, keep their normals. Seen from behind, bumps are
-dents.
 
 Based on: Blinn, "Simulation of wrinkled surfaces", SIGGRAPH 1978; Schlag, "Fast embossing effects
 on raster image data", Graphics Gems IV, 1994; Mikkelsen, "Bump mapping unparametrized surfaces on

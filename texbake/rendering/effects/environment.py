@@ -1,9 +1,5 @@
 """The environment at infinite distance, as background and as image-based light, and fog.
 
-Five effects: the environment as a cube map, the background picture, its irradiance for each normal,
-its prefiltered levels for each roughness, and the light it casts on surfaces (diffuse for all, plus
-specular for metallic-roughness).
-
 Fog fades light into its color with the distance from the camera. At the distance d the share
 (end - d) / (end - start) of a surface's light remains for `linear` fog, exp(-density d) for `exp`,
 and exp(-(density d)^2) for `exp2`. The background is infinitely far away and has faded completely,

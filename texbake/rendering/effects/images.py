@@ -280,14 +280,12 @@ def image_of(state: RenderState, target: int, name: str) -> LoadedImage:
     return with_levels_too.get(name) or state.of(_load_images, target)[name]
 
 
-def look_up(
-    fragments: Fragments, state: RenderState, name: str, *, uvs: FloatArray | None = None
-) -> Float32Array:
-    """(n, C) float32: values of an image at fragments, or at other coordinates `uvs`."""
+def look_up(fragments: Fragments, state: RenderState, name: str) -> Float32Array:
+    """(n, C) float32: values of an image at fragments."""
     image = image_of(state, fragments.target, name)
     at, changes = fragments.coordinates[image.uv_set]
     wanted = image.filter in FILTERS_WITH_FOOTPRINT
-    return image_values(image, at if uvs is None else uvs, changes if wanted else None)
+    return image_values(image, at, changes if wanted else None)
 
 
 def image_values(image: LoadedImage, at: FloatArray, changes: Float32Array | None) -> Float32Array:

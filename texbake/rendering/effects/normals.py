@@ -1,9 +1,7 @@
 """Shading normals: interpolated from the mesh, or taken from a normal map.
 
-Four effects: vertex normals and MikkTSpace tangents, computed once per scene; the interpolated
-normal of each fragment, on the visible side; and the normal from a map. Unlit objects need none of
-them. A fragment without a normal, for example on a face without area, gets the direction to the
-camera.
+Unlit objects need no normals. A fragment without one, such as on a face without area, gets the
+direction to the camera.
 
 In tangent space the normal is x T + y B + z N. Tangent T and normal N are interpolated over the
 triangle without renormalization, B = w cross(N, T), and the result is normalized once at the end;

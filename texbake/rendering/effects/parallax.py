@@ -4,10 +4,9 @@ White is the surface itself, and black lies `depth` below it. The view ray conti
 surface until it meets the heights. It is followed in even steps, one per texel that it crosses but
 at most `layers`, so slanted views take more steps.
 
-All later lookups of the object use the shifted coordinates, in whatever set. Depth, normals and
-derivatives stay those of the surface, and the outline stays that of the mesh. A ray that leaves the
-texture continues by the texture's wrap mode. At grazing angles the ray is followed for at most one
-unit of texture coordinates. Fragments seen from behind their normal are not shifted.
+All later lookups of the object use the shifted coordinates; depth, normals, derivatives and the
+outline stay those of the surface. At grazing angles the ray is followed for at most one unit of
+texture coordinates. Fragments seen from behind their normal are not shifted.
 
 `depth` is in units of texture coordinates. On a stretched mapping, the length of one unit is the
 square root of the surface area that a unit square of the texture covers. The ray is transformed to

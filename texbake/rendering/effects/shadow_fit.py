@@ -1,10 +1,8 @@
 """Fitting the view of a light's shadow map to the casters and the visible receivers.
 
-Directional lights use a parallel projection, spot lights a perspective one. Point lights, and spot
-lights too wide for one picture, use the six faces of a cube. The view of a directional light covers
-just the visible parts of receivers that casters may shadow. Bounding boxes decide which object may
-shadow which. A flat object such as a ground plane never shadows itself or anything on the light's
-side of it.
+Directional lights use a parallel projection that covers the visible parts of receivers that casters
+may shadow, spot lights a perspective one, point lights and very wide spots the six faces of a cube.
+Bounding boxes decide which object may shadow which; a flat one never shadows itself.
 
 Based on: Williams, "Casting curved shadows on curved surfaces", SIGGRAPH 1978; Lauritzen, Salvi,
 Lefohn, "Sample distribution shadow maps", I3D 2011, for the fit to what is seen.

@@ -1,10 +1,8 @@
 """Order-independent transparency by depth peeling.
 
-Two effects: one marks each object whose opacity is not 1 everywhere, the other computes their
-layers. Layers are peeled from front to back, each by rasterizing again behind the previous one. At
-each sample the light of a layer is weighted by its opacity and by what the layers in front of it
-let through; the opaque surface or the background gets the rest. Objects may intersect one another
-and themselves. At most `MAX_LAYERS` layers are drawn.
+Layers are peeled from front to back, at most `MAX_LAYERS`, each by rasterizing again behind the
+previous one. At each sample the light of a layer is weighted by its opacity and by what the layers
+in front of it let through. Objects may intersect one another and themselves.
 
 With `alpha_mode` `mask`, a point is opaque if its opacity is at least the cutoff, and otherwise
 absent.

@@ -32,7 +32,6 @@ def close_up(
     mesh: Mesh,
     *,
     normal_map: MapSource | None = None,
-    displacement: MapSource | None = None,
     zoom: float = _ZOOM,
     threads: int | None = None,
 ) -> Float32Array:
@@ -40,14 +39,7 @@ def close_up(
     options = RenderOptions(width=CROP, height=CROP, supersampling=2)
     camera = Camera.framing(mesh, options=options)
     near = replace(camera, fov=2.0 * pm.arctan(pm.tan(camera.fov / 2.0) / zoom))
-    frame = render(
-        mesh,
-        normal_map=normal_map,
-        displacement=displacement,
-        options=options,
-        camera=near,
-        threads=threads,
-    )
+    frame = render(mesh, normal_map=normal_map, options=options, camera=near, threads=threads)
     return frame.color[..., :3]
 
 

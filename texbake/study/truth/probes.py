@@ -1,9 +1,8 @@
 """Ground truth for maps: rays from points of the low-poly mesh, or very many rays per texel.
 
-Probes are spread evenly over the low-poly mesh. From each probe a ray is cast as in a bake, and its
-hit is the truth: the normal and the height of the high-poly mesh, or of the closed form from which
-this mesh was made. Maps are read as in a renderer: sampled bilinearly at the coordinates of the
-probe, and transformed from tangent space with interpolated normals and tangents.
+From each of evenly spread probes a ray is cast as in a bake, and its hit is the truth: the normal
+and the height of the high-poly mesh, or of its closed form. Maps are read as in a renderer:
+bilinearly, and from tangent space with interpolated normals and tangents.
 
 For the mean normal of a texel, all rays are added up before normalizing: a mean of normalized means
 would give too much weight to parts with differing normals.
@@ -96,14 +95,14 @@ def angles_deg(vectors: FloatArray, units: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(2.0 * pm.arcsin(np.minimum(0.5 * chords, 1.0))))
 
 
-def probe(pair: StudyPair, n: int, *, kind: str = "smooth", threads: int | None = None) -> Probes:
+def probe(pair: StudyPair, n: int, *, threads: int | None = None) -> Probes:
     """Cast a ray from each of about `n` points of a low-poly mesh; keep clear hits."""
     high, low = pair.high, pair.low
     _, faces, barycentrics = sample_surface(low, n, threads=threads)
     frame = LocalFrame.around(high, low)
     scene = RayScene.build(high, frame, threads=threads)
-    reach = measure_extent(scene, low, kind)
-    field = RayField(low, frame, kind=kind, front=reach.front, back=reach.back, threads=threads)
+    reach = measure_extent(scene, low, "smooth")
+    field = RayField(low, frame, kind="smooth", front=reach.front, back=reach.back, threads=threads)
     samples = Samples(
         np.arange(n, dtype=np.int32), faces, np.ascontiguousarray(barycentrics[:, 1:])
     )

@@ -5,8 +5,6 @@
 2. The grid shrinks by a row or a column at a time, and overlapping charts are moved apart, until
    that fails.
 
-Time is measured in steps of work, so that the result does not depend on the machine.
-
 Based on: Edmund K. Burke, Yuri Bykov, "The late acceptance hill-climbing heuristic", European
 Journal of Operational Research 258, 2017 (which changes of the order are kept).
 """
