@@ -131,8 +131,7 @@ def failures_as_one_line(ctx: click.Context | None = None) -> Iterator[None]:
         raise _wrong_usage(with_flags(str(error), _command(ctx)), ctx) from error
     except TexbakeError as error:
         # What is wrong with a file opens with its name, which may be that of a parameter.
-        names_file = isinstance(error, FileError)
-        message = with_flags(str(error), _command(ctx), opening=not names_file)
+        message = with_flags(str(error), _command(ctx), opening=not isinstance(error, FileError))
         raise Failure(f"texbake: {message}", FAILED) from error
     except Terminated as error:
         raise Failure("texbake: terminated", SIGNALED + error.signal_number) from error

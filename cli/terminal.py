@@ -72,8 +72,7 @@ class Terminal:
             peak, stages = peak_memory_bytes(), self.times.end()
             memory = "" if peak is None else f", peak memory {peak / 1e9:.2f} GB"
             rows = [(f"  {name}", f"{seconds:.2f} s") for name, seconds in stages.items()]
-            total = sum(stages.values())
-            table([("Stages", ""), *rows, ("  total", f"{total:.2f} s{memory}")])
+            table([("Stages", ""), *rows, ("  total", f"{sum(stages.values()):.2f} s{memory}")])
 
     def wrote(self, paths: Iterable[Path]) -> None:
         """Print the paths of the files written."""
@@ -138,8 +137,7 @@ def columns(rows: Sequence[Sequence[str]], *, numbers: int = 0) -> None:
             cell.rjust(width) if k >= len(row) - numbers else _cut(cell, width).ljust(width)
             for k, (cell, width) in enumerate(zip(row, widths, strict=True))
         ]
-        line = "  ".join(cells).rstrip()
-        say(line, **_HEADING if i == 0 else {})
+        say("  ".join(cells).rstrip(), **_HEADING if i == 0 else {})
 
 
 def _cut(text: str, width: int) -> str:

@@ -92,8 +92,7 @@ def _sides(low: Mesh) -> IndexArray:
     faces = weld_vertices(low)[low.faces]
     pairs = edge_neighbors(faces)
     normals = face_normals(low)
-    cosines = pm.vecdot(normals[pairs.first], normals[pairs.second])
-    smooth = cosines > _EDGE
+    smooth = pm.vecdot(normals[pairs.first], normals[pairs.second]) > _EDGE
     labels = merged_labels(
         low.n_faces, pairs.first[smooth].astype(np.int32), pairs.second[smooth].astype(np.int32)
     )

@@ -309,8 +309,7 @@ class UnobstructedRays:
     ) -> FloatArray:
         """(n,) float64: how far it is to the first face if `behind` is its side; else infinite."""
         starts = points + _LEAVES * directions
-        reaches = np.maximum(lengths - _LEAVES, 0.0)
-        probes = Rays(starts, directions, reaches, np.zeros(len(points)))
+        probes = Rays(starts, directions, np.maximum(lengths - _LEAVES, 0.0), np.zeros(len(points)))
         make = rows_of(probes)  # in the order of the texels, each alone
         met = self.low.cast_in_order(len(probes), make, cull_back_faces=False, threads=1)
         limits = (met.faces != NO_HIT) & (met.passed_back == behind)

@@ -101,8 +101,7 @@ class BakedMap:
             "scale": scale,
         }
         changes = {name: value for name, value in changes.items() if value is not None}
-        changed = replace(self, options=replace(self.options, **changes))
-        bits, coded, rest = changed._coded(path)
+        bits, coded, rest = replace(self, options=replace(self.options, **changes))._coded(path)
         write_image(coded.pixels, path, **rest)
         return WrittenMap(Path(path), bits, coded.metadata, coded.n_clipped)
 

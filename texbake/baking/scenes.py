@@ -305,8 +305,7 @@ def face_outwards(
     if _share_against(others, inputs.low, options.rays) >= against:
         # A room that is seen from within faces inwards on purpose, as its low-poly mesh does.
         return inputs, scenes, nothing
-    surface = replace(inputs.high_surface, mesh=turned)
-    return replace(inputs, high_surface=surface), others, report
+    return replace(inputs, high_surface=replace(inputs.high_surface, mesh=turned)), others, report
 
 
 def _share_against(scenes: BakeScenes, low: Mesh, kind: str) -> float:

@@ -253,8 +253,7 @@ class Trace:
             _, faces, weights = tree.closest_points(points, facing=facing, threads=options.threads)
             found = faces != NO_HIT
             rows, faces, weights = rows[found], faces[found], weights[found]
-            corners = tree.positions[tree.faces[faces]]
-            offsets = pm.vecmat(weights, corners) - points[found]
+            offsets = pm.vecmat(weights, tree.positions[tree.faces[faces]]) - points[found]
             hits.high_faces[rows] = faces
             hits.high_barycentrics[rows] = weights[:, 1:]
             hits.offsets[rows] = scenes.frame.length_to_model(offsets)

@@ -309,8 +309,7 @@ def _signatures(path: PathLike, options: BuildOptions) -> dict[str, Any]:
     files = {str(path)}
     try:
         pipeline = read_pipeline(path)
-        assets = find_assets(pipeline, options.only)
-        for node in plan_nodes(pipeline, assets).values():
+        for node in plan_nodes(pipeline, find_assets(pipeline, options.only)).values():
             files.update(node.files)
     except TexbakeError:
         pass  # the build has reported it

@@ -182,8 +182,7 @@ class DaskWorkers:
         try:
             outcome = self._result(future)
         except BaseException as error:
-            message = _ending(error, submission.task)
-            outcome = TaskOutcome(error=" ".join(message.split()))
+            outcome = TaskOutcome(error=" ".join(_ending(error, submission.task).split()))
         self._outcomes.put((number, outcome))
 
     def _result(self, future: Any) -> TaskOutcome:

@@ -259,8 +259,7 @@ def _of_mtl(path: Path) -> Iterator[str]:
 
 
 def _of_fbx(path: Path) -> Iterator[str]:
-    scene = read_scene(path)
-    for item in scene.objects.values():
+    for item in read_scene(path).objects.values():
         if item.node.name in ("Texture", "Video"):
             yield from image_names(item)
 

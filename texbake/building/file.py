@@ -146,8 +146,7 @@ class Pipeline:
         shared = self.checks if kind.name == "check" else {}
         table = {**shared, **self.steps[name], **own}
         try:
-            checked = model_of(kind).model_validate(table)
-            values = checked.set_values()
+            values = model_of(kind).model_validate(table).set_values()
             settings = kind.settings(values)
         except (ValidationError, OptionError) as error:
             if isinstance(error, ValidationError):

@@ -294,8 +294,7 @@ def _thumbnails(result: BuildResult) -> dict[str, bytes]:
                     continue
                 with scratch_folder() as copies:
                     above, _, file = place.rpartition("/")
-                    picture = location_of(above).fetch(file, copies)
-                    pictures[name] = thumbnail(picture)
+                    pictures[name] = thumbnail(location_of(above).fetch(file, copies))
             except (FileError, OSError):
                 continue
             with replacing(folder / f"{key}.jpg") as temporary:

@@ -113,9 +113,8 @@ class CheckedMesh:
         self.mesh = mesh
         self.role = role
         self.options = options
-        farthest = float(np.abs(mesh.bounds).max())
         # A power of two: lengths and areas can be computed at any size, and no bit is lost.
-        self.scale = unit_scale(farthest)
+        self.scale = unit_scale(float(np.abs(mesh.bounds).max()))
 
     @cached_property
     def positions(self) -> FloatArray:

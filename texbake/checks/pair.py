@@ -81,8 +81,7 @@ class MeshPair:
         threads = one.options.threads
         step = -(-one.mesh.n_faces // _MAX_MEASURED)
         faces = np.arange(0, one.mesh.n_faces, step)
-        points = self._centers(one, faces)
-        distances, others, _ = tree.closest_points(points, threads=threads)
+        distances, others, _ = tree.closest_points(self._centers(one, faces), threads=threads)
         return ClosestPoints(faces, step, distances, others)
 
     def _centers(self, one: CheckedMesh, faces: Int64Array) -> FloatArray:

@@ -44,8 +44,7 @@ def draw_findings(report: CheckReport, size: int) -> Float32Array:
             "check: no low-poly mesh has texture coordinates near the tile that could be drawn; "
             "make some with: texbake unwrap"
         )
-    shape = _shape(report, size)
-    window = LayoutWindow.around(mesh.corner_uvs(), shape)
+    window = LayoutWindow.around(mesh.corner_uvs(), _shape(report, size))
     owners = _pixel_owners(mesh, window, report.options.threads)
     base = _pale_layout(owners, chart_ids(mesh))
     pixels = window.pixels(mesh.corner_uvs())
@@ -132,8 +131,7 @@ def _panel(
     height, width = base.shape[:2]
     flagged = np.zeros(len(pixels) + 1, dtype=np.float32)  # NO_FACE is -1, and so the last entry
     flagged[finding.faces] = 1.0
-    samples = flagged[owners].reshape(height, _SAMPLES, width, _SAMPLES)
-    coverage = samples.mean(axis=(1, 3))
+    coverage = flagged[owners].reshape(height, _SAMPLES, width, _SAMPLES).mean(axis=(1, 3))
     corners = pixels[finding.faces]
     # Clipped far outside of any picture, so that no integer overflows.
     middles = np.clip(corners.mean(axis=1), -1e6, 1e6)

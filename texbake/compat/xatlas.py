@@ -245,8 +245,7 @@ class Atlas:
                 f"Chart index {chart_index} out of bounds for mesh with {item.n_charts} charts."
             )
         faces = np.flatnonzero(item.charts == chart_index).astype(np.uint32)
-        material = int(self._materials[mesh_index][faces[0]])
-        return Chart(faces, int(item.atlases[faces[0]]), material)
+        return Chart(faces, int(item.atlases[faces[0]]), int(self._materials[mesh_index][faces[0]]))
 
     def _mesh(self, index: int) -> _Packed:
         n = len(self._packed)

@@ -167,8 +167,7 @@ class MaterialBaker:
         return {**(default or {}), **made}
 
     def _keep(self, name: str, codes: ByteArray, is_color: bool) -> bytes:
-        is_normal = name.endswith("_normal")
-        self.pictures.append(Picture(name, codes, is_color, is_normal=is_normal))
+        self.pictures.append(Picture(name, codes, is_color, is_normal=name.endswith("_normal")))
         return b""
 
 

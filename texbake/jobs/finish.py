@@ -281,8 +281,7 @@ class _Sampler:
     def probe(self, mesh: Mesh) -> tuple[str, ...]:
         """Call the function with a few vertices of a mesh; return the channels that it has."""
         some = mesh.faces[np.linspace(0, mesh.n_faces - 1, _PROBES).astype(np.intp), 0]
-        normals = smooth_normals(mesh)[some]
-        found = self._call(mesh.positions[some], normals)
+        found = self._call(mesh.positions[some], smooth_normals(mesh)[some])
         self._widths = {name: values.shape[1] for name, values in found.items()}
         self._n_clipped.clear()
         return tuple(self._widths)

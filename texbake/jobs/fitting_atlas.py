@@ -22,8 +22,7 @@ def share_without_texel(mesh: Mesh, size: tuple[int, int], *, threads: int | Non
     grid = SampleGrid(*size, 1)
     owners, _ = rasterize_uv(snap_uvs(mesh, grid), grid, threads=threads)
     areas = surface_areas(mesh.positions[mesh.faces])
-    unseen = unseen_faces(mesh.n_faces, owners)
-    return float(areas[unseen].sum()) / (float(areas.sum()) or 1.0)
+    return float(areas[unseen_faces(mesh.n_faces, owners)].sum()) / (float(areas.sum()) or 1.0)
 
 
 def unwrap_to_fit(

@@ -120,8 +120,7 @@ class Budget:
             if n_fitting == _MOST_LEVELS:
                 break
         if best is not None and number > 0:
-            between = math.isqrt(counts[number - 1] * counts[number])
-            trial = self._trial(between, n_bytes)
+            trial = self._trial(math.isqrt(counts[number - 1] * counts[number]), n_bytes)
             best = trial if trial.n_bytes <= n_bytes and trial.db > best.db else best
         if best is None:
             raise OptionError(

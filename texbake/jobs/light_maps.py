@@ -238,8 +238,7 @@ def _baked(
     values = np.zeros((grid.height, grid.width, 3), np.float32)
     texel_faces = np.full((grid.height, grid.width), NO_FACE, np.int32)
     n_overlapping = 0
-    bands = owned_bands(faces, grid, stages, name=f"bake {item.name}", threads=options.threads)
-    for band in bands:
+    for band in owned_bands(faces, grid, stages, name=f"bake {item.name}", threads=options.threads):
         with stages.part("light texels"):
             light = _light_of(surface, band.samples, lamps, item.receives_shadows, options.threads)
             counts = np.maximum(band.counts(), 1)
@@ -250,8 +249,7 @@ def _baked(
     has_data = texel_faces != NO_FACE
     with stages.part("pad"):
         charts = np.append(chart_ids(mesh), NO_FACE).astype(np.int32)[texel_faces]
-        padding = ChartPadding(charts, has_data, options)
-        values = padding.pad(values, (0.0, 0.0, 0.0))
+        values = ChartPadding(charts, has_data, options).pad(values, (0.0, 0.0, 0.0))
     return LightMap(
         index=index,
         name=item.name,

@@ -162,8 +162,7 @@ def encoded_channels(
         _fill(layout, values, sources)
     pictures = [_picture(layout, values, threads) for layout in layouts if _present(layout, values)]
     if "normal" in maps:
-        vectors = maps["normal"].values
-        codes = encode_normals(vectors, bits=8, convention="opengl", threads=threads)
+        codes = encode_normals(maps["normal"].values, bits=8, convention="opengl", threads=threads)
         pictures.append(_Picture("normal", codes, False, (("normal", 0, 1.0),)))
     files: list[bytes] = [b""] * len(pictures)
 
@@ -261,8 +260,7 @@ def shared_materials(
             [distinct.index(key) if (key := _as_key(kind)) in distinct else 0 for kind in kinds],
             np.int32,
         )
-        nearest = _nearest_faces(low, high, threads)
-        ids = of_material[materials.face_materials[nearest]]
+        ids = of_material[materials.face_materials[_nearest_faces(low, high, threads)]]
     names = [name] if len(distinct) == 1 else [f"{name} {_title(key)}" for key in distinct]
     return Materials(
         face_materials=ids,

@@ -133,8 +133,7 @@ class MaterialPartition:
         if materials is None:
             return made, self.source
         if self.parts is None or made.face_groups is None:
-            one = materials.face_materials[:1]
-            of_faces = np.repeat(one, made.n_faces)
+            of_faces = np.repeat(materials.face_materials[:1], made.n_faces)
         else:
             parts = self.parts[made.face_groups]
             of_faces = parts[:, 1]

@@ -200,8 +200,7 @@ class _Walks:
         text = np.empty(n_bytes, dtype=np.uint8)
         core.write_walks(points, self.ends, closed, text, stops)
         data = text.tobytes().decode("ascii")
-        begins = [0, *stops.tolist()]
-        return [data[begin:stop] for begin, stop in itertools.pairwise(begins)]
+        return [data[begin:stop] for begin, stop in itertools.pairwise([0, *stops.tolist()])]
 
 
 def _tiles(window: LayoutWindow) -> Iterator[str]:

@@ -289,8 +289,7 @@ class _Outlines:
 
     def alike(self, stacks: IntArray) -> BoolArray:
         """(n,) bool: islands in stacks whose outlines have about the same lengths in space."""
-        of_edges = stacks[self.islands]
-        firsts = weld_rows(np.column_stack([of_edges, self.ends]))
+        firsts = weld_rows(np.column_stack([stacks[self.islands], self.ends]))
         differences = np.abs(self.lengths - self.lengths[firsts])
         sums = [
             np.bincount(self.islands, each, len(stacks)) for each in (differences, self.lengths)
@@ -322,8 +321,7 @@ def _named_faces(mesh: Mesh, names: Sequence[str]) -> BoolArray:
         if name in mesh.group_names and mesh.face_groups is not None:
             chosen |= mesh.face_groups == mesh.group_names.index(name)
         elif name.isdecimal() and int(name) < mesh.n_polygons:
-            numbers = mesh.polygon_numbers
-            chosen |= numbers == int(name)
+            chosen |= mesh.polygon_numbers == int(name)
         else:
             groups = f", or one of its groups {', '.join(mesh.group_names)}"
             raise OptionError(

@@ -97,10 +97,10 @@ class Deformation:
     def mixed(self, vertices: npt.NDArray[np.intp] | _Ints, shares: _Floats) -> Deformation:
         """Deformation of n vertices that are weighted means of (n, S) others; K joints at most."""
         n, width = len(vertices), self.joints.shape[1]
-        morphs = []
-        for morph in self.morphs:
-            rows = morph.rows(len(self))
-            morphs.append(Morph.of_rows(pm.vecmat(shares, rows[vertices])))
+        morphs = [
+            Morph.of_rows(pm.vecmat(shares, morph.rows(len(self))[vertices]))
+            for morph in self.morphs
+        ]
         joints = self.joints[vertices].reshape(n, -1)
         weights = (self.weights[vertices] * shares[:, :, None]).reshape(n, -1)
         return Deformation(*largest_weights(joints, weights, width), tuple(morphs))

@@ -217,8 +217,7 @@ def _one_sided(
     positions, faces = places[0], meshes[0].faces
     tree, face_ids, of_samples = _sampled(meshes, places, n_samples, seed, threads)
     n = len(face_ids)
-    vertices = _some_vertices(positions, faces, n)
-    of_vertices, _, _ = tree.closest_points(vertices, threads=threads)
+    of_vertices, _, _ = tree.closest_points(_some_vertices(positions, faces, n), threads=threads)
     farthest = np.argsort(-of_samples, kind="stable")[:_FARTHEST]
     n_peaks = _FACES_OF_PEAKS
     if n < n_samples:  # the search is bounded

@@ -268,8 +268,7 @@ class Materials:
         from texbake.files import read_bytes
 
         width = len(CHANNELS[channel].default)
-        components = tuple(range(width))
-        image = ChannelImage(read_bytes(path), name=str(path), components=components)
+        image = ChannelImage(read_bytes(path), name=str(path), components=tuple(range(width)))
         source = ChannelSource(factor=(1.0,) * width, image=image)
         material = MeshMaterial(name=Path(path).name, channels={channel: source})
         return cls(face_materials=np.zeros(mesh.n_faces, dtype=np.int32), materials=(material,))

@@ -109,8 +109,7 @@ def with_visible_normals(mesh: Mesh, *, threads: int | None = None) -> Mesh:
         return mesh
     firsts = weld_vertices(mesh, threads=threads)
     if rows is not mesh.faces:  # distant corners may share a row
-        keys = np.stack([firsts[mesh.faces].ravel(), rows.ravel()], axis=1)
-        used, numbers = unique_rows(keys)
+        used, numbers = unique_rows(np.stack([firsts[mesh.faces].ravel(), rows.ravel()], axis=1))
         normals, rows = normals[rows.ravel()[used]], numbers.reshape(-1, 3)
         firsts = np.arange(len(normals), dtype=np.int32)
     corner_rows = firsts[rows]

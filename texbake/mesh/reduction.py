@@ -104,8 +104,7 @@ def reduced(
         bare = mesh.replace(uvs=None, uv_faces=None)
         low = reduced(bare, n_faces, options, threads, shades=shades, gives_up=gives_up)
         return noted(low, "its texture coordinates, where no face has an area, were left out")
-    stream = weld_corners(mesh, shades=shades, threads=threads)
-    start = bring_down(stream, n_faces, threads=threads)
+    start = bring_down(weld_corners(mesh, shades=shades, threads=threads), n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"

@@ -122,8 +122,7 @@ def misoriented(mesh: Mesh) -> BoolArray:
     corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces[of_closed]]
     a, b, c = np.moveaxis(corners, 1, 0)
     cones = pm.vecdot(a, np.cross(b, c))  # volumes between the faces and the middle of the mesh
-    signed = cones * np.where(flips[of_closed], -1, 1)
-    volumes = np.bincount(parts[of_closed], signed, n)
+    volumes = np.bincount(parts[of_closed], (cones * np.where(flips[of_closed], -1, 1)), n)
     most_turned = 2 * np.bincount(parts, flips, n) > np.bincount(parts, minlength=n)
     inside_out = np.where(is_open, most_turned, volumes < 0.0)
     return np.asarray((flips ^ inside_out[parts]) & ~is_one_sided[parts])

@@ -165,8 +165,7 @@ class RepeatedParts:
             of_each = counts[each.numbers]
             few = np.where(of_each <= of_each[of_each > 0].mean(), of_each, 0)
             chosen = int(few.argmax())
-            matrix = pm.inv(each.matrices[chosen])
-            pieces.append((each.numbers[chosen], each.numbers[0], matrix))
+            pieces.append((each.numbers[chosen], each.numbers[0], pm.inv(each.matrices[chosen])))
         return self._placed(low, pieces)[0]
 
     def restored(self, low: Mesh, materials: Materials) -> tuple[Mesh, Materials]:

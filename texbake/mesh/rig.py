@@ -61,8 +61,7 @@ def decomposed(matrices: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
         table[:, i, i] = 1.0 + 2.0 * m[:, i, i] - trace
         table[:, i, j] = table[:, j, i] = m[:, i, j] + m[:, j, i]
         table[:, i, 3] = table[:, 3, i] = m[:, k, j] - m[:, j, k]
-    best = np.argmax(table[:, range(4), range(4)], axis=1)
-    rows = table[np.arange(len(table)), best]
+    rows = table[np.arange(len(table)), np.argmax(table[:, range(4), range(4)], axis=1)]
     rows /= np.sqrt((rows * rows).sum(axis=1, keepdims=True))
     signs = np.sign((rows[1:] * rows[:-1]).sum(axis=1))
     rows[1:] *= np.cumprod(np.where(signs < 0.0, -1.0, 1.0))[:, None]
@@ -295,8 +294,7 @@ class _Poser:
         for number, skin in enumerate(rig.content.get("skins", ())):
             matrix = stored.get(number, np.eye(4))
             binds = rig.arrays.get(skin.get("inverseBindMatrices", -1))
-            joints = skin["joints"]
-            for row, joint in enumerate(joints):
+            for row, joint in enumerate(skin["joints"]):
                 bind = np.eye(4) if binds is None else binds[row].reshape(4, 4).T.astype(float)
                 if row == 0:
                     back = pm.matmul(matrix, inverse_or_identity(pm.matmul(rest[joint], bind)))

@@ -63,8 +63,7 @@ def grid_sphere(
     theta = np.linspace(pole_margin, np.pi - pole_margin, n_theta)
     phi = np.linspace(0.0, 2.0 * np.pi, n_phi, endpoint=False)
     faces = ids_around(n_theta, n_phi)[split_quads(grid_quads(n_theta - 1, n_phi))]
-    positions = _from_spherical(theta, phi, radius_at)
-    return Mesh(positions=positions, faces=faces, name="grid sphere")
+    return Mesh(positions=_from_spherical(theta, phi, radius_at), faces=faces, name="grid sphere")
 
 
 def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) -> Mesh:
@@ -84,8 +83,7 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
     n_inner, last_row = n_rows * (n_lon + 1), (n_rows - 1) * (n_lon + 1)
     north_fan = np.stack([n_inner + column, column, column + 1], axis=-1)
     south_fan = np.stack([n_inner + n_lon + column, last_row + column + 1, last_row + column], -1)
-    bands = split_quads(grid_quads(n_rows - 1, n_lon))
-    uv_faces = np.concatenate([north_fan, bands, south_fan])
+    uv_faces = np.concatenate([north_fan, split_quads(grid_quads(n_rows - 1, n_lon)), south_fan])
     pole_ids = n_rows * n_lon + np.repeat([0, 1], n_lon)
     position_of_uv = np.concatenate([ids_around(n_rows, n_lon), pole_ids])
     return Mesh(

@@ -371,8 +371,7 @@ def _fans(
 
 def _neighbors(vertices: IntArray) -> IntArray:
     """(F, 3) face across the edge from each corner to the next, if wound alike; -1 for none."""
-    ends = vertices[:, _NEXT]
-    keys = edge_keys(vertices, ends).ravel()
+    keys = edge_keys(vertices, vertices[:, _NEXT]).ravel()
     edges = np.argsort(keys, kind="stable")
     neighbors = np.full(vertices.size, -1, dtype=np.int32)
     core.pair_edges(keys, edges, vertices.ravel(), neighbors)

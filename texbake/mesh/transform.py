@@ -135,8 +135,7 @@ def _refined(
     corners = ids.ravel()[polygons.slots].astype(np.int64)
     polygon_of = np.repeat(np.arange(len(sizes)), sizes)
     following = next_corners(sizes)
-    ends = np.stack([corners, corners[following]], axis=1)
-    keys = np.sort(ends, axis=1).astype(np.int32)
+    keys = np.sort(np.stack([corners, corners[following]], axis=1), axis=1).astype(np.int32)
     at, numbers = unique_rows(keys)
     edge_of = numbers.astype(np.int64)
     heads = keys[at]

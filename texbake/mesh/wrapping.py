@@ -67,8 +67,7 @@ def remesh_with_few_tunnels(
     most = n_faces / _FACES_PER_TUNNEL
     stages = Stages(progress)
     widest = f"{100.0 * CLOSINGS[-1]:g}%"  # the grid has room for all
-    options = RemeshOptions(resolution=resolution, close=widest)
-    grid = Grid.around(mesh, options)
+    grid = Grid.around(mesh, RemeshOptions(resolution=resolution, close=widest))
     points = grid.to_voxels(mesh.positions)
     with stages.stage("measure voxels"):
         band = Band.around(points, mesh.faces, grid, threads=threads)
@@ -210,8 +209,7 @@ def wraps(
     """Yield wraps as `remesh_with_few_tunnels`; or one wrap, 0 and 0 where that is not needed."""
     bare = _bare(mesh)
     if not has_tunnels:
-        options = RemeshOptions(surface=surface)
-        wrap = remesh(bare, options, threads=threads, progress=progress)
+        wrap = remesh(bare, RemeshOptions(surface=surface), threads=threads, progress=progress)
         handles = genus(wrap.faces, find_edges(wrap.faces), wrap.n_vertices) or 0
         if n_faces is None or handles <= n_faces / _FACES_PER_TUNNEL:
             yield wrap, 0.0, 0

@@ -144,9 +144,8 @@ def direction_sets(n_rays: int, n_parts: int = 1, n_directions: int = _DIRECTION
     method.
     """
     n_points = n_rays * n_parts
-    nets = scrambled_nets(n_directions // n_points, n_points)
     # Points of a net that follow each other, in number a power of two, are a net themselves.
-    points = _sorted(nets.reshape(-1, n_rays, 2))
+    points = _sorted(scrambled_nets(n_directions // n_points, n_points).reshape(-1, n_rays, 2))
     disk = concentric_disk((points.astype(np.float64) + 0.5) / 2**_BITS)
     z = np.sqrt(1.0 - np.square(disk).sum(axis=-1, keepdims=True))
     return frozen(np.concatenate([disk, z], axis=-1).astype(np.float32))

@@ -96,8 +96,7 @@ class Camera:
     def sphere_around(*meshes: Mesh) -> tuple[FloatArray, float]:
         """Center of the joint bounding box, and radius of the sphere around all; 1 if 0."""
         low = np.min([mesh.bounds[0] for mesh in meshes], axis=0)
-        high = np.max([mesh.bounds[1] for mesh in meshes], axis=0)
-        center = 0.5 * low + 0.5 * high
+        center = 0.5 * low + 0.5 * np.max([mesh.bounds[1] for mesh in meshes], axis=0)
         squared = 0.0
         for mesh in meshes:
             offsets = mesh.used_positions - center

@@ -142,8 +142,7 @@ def _draw(prepared: Prepared, request: RenderRequest, stages: Stages) -> tuple[F
     state = lay_out(prepared, request, stages)
     with stages.stage("shade"):
         sums = shade_to_sums(state)
-        behind = find_background(state)
-        color, coverage, normals = sums.finish(behind, threads=state.threads)
+        color, coverage, normals = sums.finish(find_background(state), threads=state.threads)
     frame = Frame(
         color=color,
         coverage=coverage,
@@ -169,8 +168,7 @@ def lay_out(
         draw_others=partial(_draw_others, prepared, request.depth + 1),
     )
     with stages.stage("place"):
-        moving = [p for p in state.plan.passes if p.effect.moves_surface]
-        _run(state, prepared, moving, None)
+        _run(state, prepared, [p for p in state.plan.passes if p.effect.moves_surface], None)
         state = replace(state, drawn_scene=_gather_objects(state, prepared))
     with stages.stage("rasterize"):
         visible = find_visible(state)

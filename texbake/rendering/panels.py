@@ -138,7 +138,6 @@ def _legend(draw: ImageDraw, left: int, top: int, size: int, room: int) -> None:
     stop = left + min(room, 16 * size) - 4 * size
     colors = _ramp(np.arange(stop - start) / (stop - 1 - start)).tolist()
     for x, ramp in zip(range(start, stop), colors, strict=True):
-        color = tuple(round(255 * c) for c in ramp)
-        draw.line([(x, top + size // 6), (x, top + size)], fill=color)
+        draw.line([(x, top + size // 6), (x, top + size)], fill=tuple(round(255 * c) for c in ramp))
     _text(draw, left, top, "0°", size, _FAINT, 2 * size)
     _text(draw, stop + size // 2, top, f"{MAX_ANGLE_DEG:.0f}°", size, _FAINT, 4 * size)

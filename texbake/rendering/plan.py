@@ -48,8 +48,7 @@ def compile_plan(request: RenderRequest, effects: Sequence[Effect]) -> Plan:
             assert target is not None or needed.of == "picture", f"{effect.name} needs {name}"
             source = activation.target if effect.of == "object" else activation.source
             source = None if needed.of == "object" else source
-            why = f"for {effect.name}"
-            add(needed, Activation(target, activation.requested_by, why, source))
+            add(needed, Activation(target, activation.requested_by, f"for {effect.name}", source))
 
     for effect in effects:
         for answer in effect.activated_by(request):

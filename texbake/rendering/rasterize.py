@@ -69,8 +69,7 @@ class VisibilityBuffer:
 
 def join_objects(parts: Sequence[tuple[FloatArray, IntArray]]) -> World:
     """Join the positions and faces of objects; a single object's arrays are shared, not copied."""
-    counts = [len(faces) for _, faces in parts]
-    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    starts = np.concatenate([[0], np.cumsum([len(faces) for _, faces in parts])]).astype(np.int64)
     if len(parts) == 1:
         positions, faces = parts[0]
     else:

@@ -112,8 +112,7 @@ def all_plot(results: Sequence[KnobResult]) -> Plot:
             title = shown[0].knob.title if len(shown) == 1 else f"{len(shown)} knobs: {kind}"
             axes.set_title(title, fontsize=9, loc="left", fontweight="bold")
             for i, result in enumerate(shown):
-                color = COLORS[i % len(COLORS)]
-                axes.plot([], [], "o", color=color, label=result.knob.title, ms=5)
+                axes.plot([], [], "o", color=COLORS[i % len(COLORS)], label=result.knob.title, ms=5)
             if len(shown) > 1:
                 axes.legend(fontsize=7.5, frameon=False, loc="best")
         return finished_plot(figure, "all")
@@ -265,8 +264,7 @@ def _label_all(axes: Axes, figure: Figure) -> None:
         axes.add_artist(item)
     extents = [item.get_window_extent() for item in annotations]
     sizes = np.array([(box.width, box.height) for box in extents])
-    frame = axes.get_window_extent().extents
-    corners = place_labels(points, sizes, frame)
+    corners = place_labels(points, sizes, axes.get_window_extent().extents)
     for item, corner, point, size in zip(annotations, corners, points, sizes, strict=True):
         item.set_position(tuple((corner - point) * (72.0 / figure.dpi)))
         nearest = np.clip(point, corner, corner + size)

@@ -253,8 +253,7 @@ def shrink_cube(cube: CubeMap, size: int, *, threads: int | None = None) -> Cube
         return cube
     faces = np.ascontiguousarray(cube.faces)
     out = np.empty((6, size, size, cube.n_channels), np.float32)
-    weights = solid_angles(cube.size)
-    work = partial(core.shrink_cube_rows, faces, weights, out)
+    work = partial(core.shrink_cube_rows, faces, solid_angles(cube.size), out)
     run_bands(work, 6 * size, band=_BAND, threads=threads)
     return CubeMap(out)
 

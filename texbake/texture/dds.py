@@ -91,8 +91,7 @@ def write_dds(
 def _codes(level: Float32Array, kind: str, convention: str, threads: int | None) -> ByteArray:
     """Return (H, W, 4) codes of a level, padded to multiples of 4 by repeating the last texel."""
     if kind == "normal":
-        unit = unit_normals(level)
-        codes = encode_normals(unit, bits=8, convention=convention, threads=threads)
+        codes = encode_normals(unit_normals(level), bits=8, convention=convention, threads=threads)
     else:
         n_colors = min(level.shape[2], 3) if kind == "color" else 0
         codes = quantize_srgb(level, 8, n_colors=n_colors, threads=threads)

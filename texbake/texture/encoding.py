@@ -50,8 +50,7 @@ def _quantized(
     flat = np.require(values, np.float32, ["C", "A"]).reshape(-1, len(factors))
     codes = np.empty(flat.shape, code_type(bits))
     quantize = core.quantize_u8 if bits == 8 else core.quantize_u16
-    top = max_code(bits)
-    work = partial(quantize, flat, factors, offsets, lows, sizes, codes, noise, top)
+    work = partial(quantize, flat, factors, offsets, lows, sizes, codes, noise, max_code(bits))
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.reshape(values.shape)
 
@@ -83,8 +82,7 @@ def quantize_srgb(
     flat = np.require(linear, np.float32, ["C", "A"]).reshape(-1, n_channels)
     codes = np.empty(flat.shape, code_type(bits))
     quantize = core.quantize_srgb_u8 if bits == 8 else core.quantize_srgb_u16
-    tables = _srgb_thresholds(bits)
-    work = partial(quantize, flat, *tables, codes, n_colors)
+    work = partial(quantize, flat, *_srgb_thresholds(bits), codes, n_colors)
     run_bands(work, len(flat), band=_BAND, threads=threads)
     return codes.reshape(linear.shape)
 

@@ -249,14 +249,12 @@ def _source(
             return None if name == "normal" else ChannelSource(source.factor)
     if set(source.factor) != {1.0}:
         lost["factors of images"] = None
-    found = replace(made[key], wraps=image.wraps)
-    return ChannelSource((1.0,) * len(source.factor), found)
+    return ChannelSource((1.0,) * len(source.factor), replace(made[key], wraps=image.wraps))
 
 
 def _plain_image(name: str, image: ChannelImage, threads: int | None) -> ChannelImage:
     """Return an image that holds one channel alone, named as its file."""
-    width = len(CHANNELS[name].default)
-    components = tuple(range(width))
+    components = tuple(range(len(CHANNELS[name].default)))
     suffix = _SUFFIXES.get(media_type(image.data) or "")
     if suffix is not None and image.components == components:
         return replace(image, name=f"{name}{suffix}")

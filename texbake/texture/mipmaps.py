@@ -225,8 +225,7 @@ def _reduce(
     rows, row_weights = _taps(height, out.shape[0], filter, wraps[1])
     columns, column_weights = _taps(width, out.shape[1], filter, wraps[0])
     work = partial(core.fill_mip_level, values, rows, row_weights, columns, column_weights, out)
-    band = max(1, _BAND_VALUES // values.shape[1])
-    run_bands(work, out.shape[0], band=band, threads=threads)
+    run_bands(work, out.shape[0], band=max(1, _BAND_VALUES // values.shape[1]), threads=threads)
 
 
 def levels_picture(levels: Sequence[AnyArray]) -> AnyArray:

@@ -272,8 +272,7 @@ def split_channels_files(
         )
     maps = {file: read.pixels[..., i : i + 1] for file, i in zip(files, used, strict=True)}
     check_distinct(list(maps), [image])
-    bits = _bits_like(read, files[0], read.pixels)
-    write_images(maps, color=False, bits=bits, threads=threads)
+    write_images(maps, color=False, bits=_bits_like(read, files[0], read.pixels), threads=threads)
     return JobResult(files=tuple(maps), report=ChannelsReport(width, height, chosen))
 
 

@@ -161,8 +161,7 @@ class CheckStep(CheckOptions):
 
 def _check_memory(settings: Settings, sizes: Sizes) -> int:
     """Estimate for checking a mesh or a pair."""
-    faces = n_faces(sizes, "mesh", "low")
-    return int(PROCESS + 2 * READ_FACE * faces + TEXEL * n_texels(settings))
+    return int(PROCESS + 2 * READ_FACE * n_faces(sizes, "mesh", "low") + TEXEL * n_texels(settings))
 
 
 def _check(job: Job) -> dict[str, Any]:

@@ -79,8 +79,7 @@ def height_to_normal_file(
     normals = height_to_normal(image, options)
     write_normals(normals, output, convention=convention, bits=bits, threads=threads)
     n_rows, n_columns = normals.shape[:2]
-    scale = height_scale(image, options)
-    report = NormalMapReport(n_columns, n_rows, scale, options.width)
+    report = NormalMapReport(n_columns, n_rows, height_scale(image, options), options.width)
     return JobResult(files=present_paths(output), report=report)
 
 

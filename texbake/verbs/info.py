@@ -192,8 +192,7 @@ def _content_rows(info: MeshFileInfo) -> Rows:
     for listed, what in ((materials, "materials"), (images, "images")):
         rows += listed[:_GROUPS_SHOWN]
         if len(listed) > _GROUPS_SHOWN:
-            more = f"{len(listed) - _GROUPS_SHOWN:,}; --json lists them all"
-            rows.append((f"more {what}", more))
+            rows.append((f"more {what}", f"{len(listed) - _GROUPS_SHOWN:,}; --json lists them all"))
     return rows
 
 

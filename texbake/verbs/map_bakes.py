@@ -215,8 +215,7 @@ def remap_files(
     with stages.stage("read hits"):
         kept = read_hits(hits)
     options = replace(kept.report.options, **(changes or {}))
-    asset = Path(kept.report.low).stem
-    files = named_maps(Path(output), name_pattern, asset, options.maps, format)
+    files = named_maps(Path(output), name_pattern, Path(kept.report.low).stem, options.maps, format)
     check_distinct([*files.values(), report], [hits])
     check_map_files(files, options)
     result = remap_hits(kept, options, progress=progress)

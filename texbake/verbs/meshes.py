@@ -114,8 +114,7 @@ def transform_file(
     else:
         moved = transform(read, options)
     if options is not None and materials.rig is not None:
-        rig = materials.rig.transformed(transform_matrix(options))
-        materials = replace(materials, rig=rig)
+        materials = replace(materials, rig=materials.rig.transformed(transform_matrix(options)))
     return write_result(moved, output, materials, moved, mtl=mtl)
 
 

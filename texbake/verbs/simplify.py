@@ -227,8 +227,7 @@ def _level(
     from texbake.mesh.triangle_tree import with_nearest_attributes
     from texbake.mesh.wrapping import wraps
 
-    fits = materials.fit(output, mtl=mtl)
-    bordered = MaterialPartition.of(high, materials) if fits else None
+    bordered = MaterialPartition.of(high, materials) if materials.fit(output, mtl=mtl) else None
     given = high if bordered is None else bordered.mesh
     low, figures = simplify_with_report(
         given,

@@ -98,8 +98,7 @@ class StepKind:
         values = asdict(self.options(**chosen))
         settings = {name: to_jsonable(values[name]) for name in self.choices}
         if self.check is not None:
-            roles = frozenset(role.name for role in self.inputs if role.name in given)
-            self.check(settings, roles)
+            self.check(settings, frozenset(role.name for role in self.inputs if role.name in given))
         return settings
 
     def made(self, settings: Settings, **more: Any) -> Any:

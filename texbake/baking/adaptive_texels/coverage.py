@@ -162,5 +162,4 @@ def check_samples(bins: FaceBins, width: int, texels: Int64Array) -> tuple[Int64
     owners, weights = find_owners(bins, points)
     ranks = np.repeat(np.arange(len(texels)), N_CHECK_SAMPLES)
     is_owned = owners != NO_FACE
-    samples = Samples(texels[ranks].astype(np.int32), owners, weights)
-    return ranks[is_owned], samples.where(is_owned)
+    return ranks[is_owned], Samples(texels[ranks].astype(np.int32), owners, weights).where(is_owned)

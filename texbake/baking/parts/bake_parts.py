@@ -71,8 +71,7 @@ class PartsBake:
         mesh, _ = self.high_meshes.joined(parts)
         frame = LocalFrame.around(mesh, *low)
         with self.stages.stage("build ray tree", total=mesh.n_faces, unit="triangles"):
-            threads = self.options.threads
-            self.occluders = RayScene.build(mesh, frame, compact=True, threads=threads)
+            self.occluders = RayScene.build(mesh, frame, compact=True, threads=self.options.threads)
 
     def run(self, layout: TargetLayout, folder: Path | None) -> PartsResult:
         """Bake all sets of maps."""

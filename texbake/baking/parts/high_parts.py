@@ -122,8 +122,7 @@ class HighMeshes:
             meshes.append(excerpt(mesh, chosen))
             if materials is not None:
                 of_parts.append(materials_of_faces(materials, mesh, chosen))
-        joined = _join(meshes)
-        return joined, _join_materials(of_parts, meshes) if of_parts else None
+        return _join(meshes), _join_materials(of_parts, meshes) if of_parts else None
 
     def check_colors(self) -> None:
         """Raise `OptionError` if linear and sRGB vertex colors would be joined."""

@@ -159,8 +159,7 @@ class LowMesh:
         """The mesh with the normals and tangents that a renderer uses."""
         mesh = self.mesh
         normals, corners = shading_normals(mesh)
-        tangents = shading_tangents(mesh)
-        return mesh.replace(normals=normals, normal_faces=corners, tangents=tangents)
+        return mesh.replace(normals=normals, normal_faces=corners, tangents=shading_tangents(mesh))
 
     @cached_property
     def _in_one_tile(self) -> Mesh:

@@ -326,5 +326,4 @@ def _in_file(baked: BakedMap, path: Path) -> BakedMap:
             f"{error.strerror or error}; free some space"
         ) from error
     # Copy on write, because kernels are compiled for writable arrays; nothing is written back.
-    values = np.asarray(np.load(path, mmap_mode="c"))
-    return replace(baked, values=values)
+    return replace(baked, values=np.asarray(np.load(path, mmap_mode="c")))

@@ -162,8 +162,7 @@ class TextureBake:
 
     def write(self, path: PathLike, *, color: bool = True, bits: int | None = None) -> None:
         """Write the texture to an image file; integers are stored as sRGB if it is a `color`."""
-        threads = self.report.options.threads
-        write_image(self.values, path, color=color, bits=bits, threads=threads)
+        write_image(self.values, path, color=color, bits=bits, threads=self.report.options.threads)
 
 
 # About 200 bytes each while photographs are looked up.
@@ -178,8 +177,7 @@ class TextureCanvas:
     ) -> None:
         self.stages = Stages(progress)
         self._mesh, self._options = mesh, options
-        side = math.isqrt(options.samples)
-        self.grid = SampleGrid(options.width_px, options.height_px, side)
+        self.grid = SampleGrid(options.width_px, options.height_px, math.isqrt(options.samples))
         self._faces = snap_uvs(mesh, self.grid)
         shape = self.grid.height, self.grid.width
         # Face that owns the first sample of each texel, `NO_FACE` for none; filled by `bands`.

@@ -277,8 +277,7 @@ def write_settings(
         lines += ["", "Notes", *(f"  {note}" for note in notes)]
     path = folder / SETTINGS
     with replacing(path) as temporary:
-        text = "".join(f"{_wrapped(line)}\n" for line in lines)
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text("".join(f"{_wrapped(line)}\n" for line in lines), encoding="utf-8")
     return path
 
 

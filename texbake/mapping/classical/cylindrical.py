@@ -59,8 +59,7 @@ def center_about_axis(mesh: Mesh, center: Vector | None, frame: FloatArray) -> F
     half = float(np.abs(mesh.bounds[1] / 2.0 - mesh.bounds[0] / 2.0).max())
     if not half > 0.0:
         return middle
-    flat = in_frame((mesh.positions[used] - middle) / half, frame[:2])
-    circle = _circle_around(flat)
+    circle = _circle_around(in_frame((mesh.positions[used] - middle) / half, frame[:2]))
     if circle is None or float(pm.hypot(*circle)) <= _ROUNDING:
         return middle
     return frozen(middle + half * (pm.matmul(circle, frame[:2])))

@@ -100,8 +100,7 @@ def _variances(points: FloatArray, mesh: Mesh) -> FloatArray:
 
 def _flattest_normal(points: FloatArray, mesh: Mesh) -> tuple[float, float, float]:
     """Direction of least variance nearest to +z, +y, +x; reversed if 3/4 of the area faces away."""
-    variances = _variances(points, mesh)
-    values, vectors = pm.eigh(variances)
+    values, vectors = pm.eigh(_variances(points, mesh))
     free = vectors[:, values <= values[0] + _VARIANCE_ROUNDING * values.sum()]
     for axis in (2, 1, 0):
         normal = pm.matmul(free, free[axis])  # the axis projected onto the free directions

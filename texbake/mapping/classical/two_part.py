@@ -149,8 +149,7 @@ def surface_around(
     points = local.points[faces.ravel()]
     low, high = points.min(axis=0), points.max(axis=0)
     if options.surface == "plane":
-        extent = float((high - low)[:2].max())
-        return Plane(low[:2], extent, float(high[2]))
+        return Plane(low[:2], float((high - low)[:2].max()), float(high[2]))
     radius = float(np.sqrt(pm.vecdot(points, points).max()))
     if not radius > local.rounding:
         radius = 1.0
@@ -305,9 +304,8 @@ def two_part(mesh: Mesh, options: UnwrapOptions) -> Projected:
     else:
         center = center_of(mesh, options.center)
     local = points_about(mesh, center, frame)
-    used = mesh.used_vertices
     # Unused vertices may lie anywhere, but their rays are computed with the rest.
-    local = replace(local, points=np.where(used[:, None], local.points, 0.0))
+    local = replace(local, points=np.where(mesh.used_vertices[:, None], local.points, 0.0))
     by_normal = options.via == "surface-normal"
     if options.surface == "box":
         # The object's normals choose among the normals of the box.

@@ -221,8 +221,7 @@ class SceneNodes:
         # Huge factors may multiply to infinity, which a mesh refuses.
         with np.errstate(over="ignore", invalid="ignore"):
             for start, stop in zip([0, *stops], stops, strict=False):
-                of_parents = placed[parents[start:stop]]
-                placed[start:stop] = pm.matmul(of_parents, local[start:stop])
+                placed[start:stop] = pm.matmul(placed[parents[start:stop]], local[start:stop])
         return np.asarray(placed[numbers[:-1]])
 
     def mesh_matrices(self, matrices: FloatArray) -> FloatArray:

@@ -127,8 +127,7 @@ def read_gltf_materials(path: PathLike, mesh: Mesh) -> Materials | None:
         if id(primitive) not in rows:
             row = _shown_materials(reader, primitive, len(names))
             rows[id(primitive)] = same.setdefault(row, row)
-    used = [rows[id(primitive)] for primitive in primitives]
-    found = materials_by_face(mesh, used)
+    found = materials_by_face(mesh, [rows[id(primitive)] for primitive in primitives])
     if found is None or (all(set(shown) == {None} for shown in same) and mesh.colors is None):
         return None
     shown, face_materials = found

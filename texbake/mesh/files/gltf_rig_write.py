@@ -229,8 +229,7 @@ class _Skins:
 
     def numbers(self, skin: int, nodes: IntArray) -> IntArray:
         """(n,) int32: number of each node among the joints of a skin, which gets those it lacks."""
-        own = set(self.joints[skin])
-        for node in sorted(set(nodes.tolist()) - own):
+        for node in sorted(set(nodes.tolist()) - set(self.joints[skin])):
             for joints, matrices in zip(self.joints, self.matrices, strict=True):
                 if node in joints:
                     row = matrices[joints.index(node)][None]

@@ -208,8 +208,7 @@ class _PrimitiveWriter:
         if any(table[number] != number for table in tables):
             of_materials: dict[int, list[int]] = {}
             for variant, table in enumerate(tables):
-                index = self._material(table[number], frame)
-                of_materials.setdefault(index, []).append(variant)
+                of_materials.setdefault(self._material(table[number], frame), []).append(variant)
             mappings = [{"material": i, "variants": of_it} for i, of_it in of_materials.items()]
             primitive["extensions"] = {VARIANTS: {"mappings": mappings}}
         return primitive

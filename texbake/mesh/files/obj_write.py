@@ -135,8 +135,7 @@ def write_uv_sets(mesh: Mesh, path: PathLike, polygons: Outlines) -> None:
             remove_file(beside)
         return
     vertices = mesh.faces.ravel()[polygons.slots]
-    corners = triangulated(path, mesh.positions, vertices, polygons.sizes)[0]
-    slots = polygons.slots[corners]
+    slots = polygons.slots[triangulated(path, mesh.positions, vertices, polygons.sizes)[0]]
     arrays: dict[str, npt.NDArray[np.generic]] = {"of_faces": _checksum(mesh.faces.ravel()[slots])}
     arrays["names"] = np.array(list(mesh.uv_sets), dtype=np.str_)
     for i, item in enumerate(mesh.uv_sets.values()):

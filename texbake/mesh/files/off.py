@@ -70,8 +70,7 @@ def read_off(path: PathLike) -> Mesh:
     fields["name"] = Path(path).name
     column = 3
     if shaded:
-        normals = finite_rows(path, table[:, 3:6], "normals")
-        fields |= {"normals": normals, "normal_faces": faces}
+        fields |= {"normals": finite_rows(path, table[:, 3:6], "normals"), "normal_faces": faces}
         column = 6
     if colored:
         width = min(table.shape[1] - column - (2 if textured else 0), 4)

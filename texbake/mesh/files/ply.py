@@ -171,8 +171,7 @@ def read_polygons(path: PathLike, polygons: Columns, name: str) -> tuple[Int64Ar
 def _strip_faces(path: PathLike, column: AnyArray | ListColumn) -> IntArray:
     """(F, 3) triangles of triangle strips, each row a strip or several with -1 between them."""
     sizes, values = _flattened(column)
-    indices = _as_indices(path, values)
-    triangles = strip_triangles(np.insert(indices, np.cumsum(sizes)[:-1], -1))
+    triangles = strip_triangles(np.insert(_as_indices(path, values), np.cumsum(sizes)[:-1], -1))
     a, b, c = triangles.T
     kept: IntArray = triangles[(a != b) & (b != c) & (c != a)]
     return kept

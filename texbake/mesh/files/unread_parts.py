@@ -43,8 +43,7 @@ def unread_parts(source: PathLike | Document | FbxScene) -> tuple[str, ...]:
         return ()
     from texbake.mesh.files.fbx_scene import read_scene
 
-    counts = _counts(read_scene(source))
-    return _named({noun: n for noun, n in counts.items() if noun != _NURBS})
+    return _named({noun: n for noun, n in _counts(read_scene(source)).items() if noun != _NURBS})
 
 
 def warn_of_pose(document: Document) -> None:

@@ -119,8 +119,7 @@ def _stage(
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    root = UsdGeom.Xform.Define(stage, Sdf.Path("/asset"))
-    stage.SetDefaultPrim(root.GetPrim())
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, Sdf.Path("/asset")).GetPrim())
     origin = far_origin(mesh)
     taken, usd_meshes, n_split = {"material"}, [], 0
     for title, part in _objects(mesh, name):
@@ -180,8 +179,7 @@ def _set_geometry(usd_mesh: Any, mesh: Mesh, origin: FloatArray, polygons: Outli
     points = float32_positions(mesh, origin)
     usd_mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
     usd_mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(polygons.sizes.astype(np.int32)))
-    vertices = mesh.faces.ravel()[polygons.slots]
-    usd_mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(vertices))
+    usd_mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.ravel()[polygons.slots]))
     usd_mesh.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     usd_mesh.CreateExtentAttr(
         Vt.Vec3fArray.FromNumpy(np.array([points.min(axis=0), points.max(axis=0)]))

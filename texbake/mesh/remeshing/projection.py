@@ -73,8 +73,7 @@ def project(
     if smooth is not None:
         fills = ~free & smooth[face_ids]
         free |= fills
-    corners = tree.positions[tree.faces[np.where(free, 0, face_ids)]]
-    targets = pm.vecmat(weights, corners)
+    targets = pm.vecmat(weights, tree.positions[tree.faces[np.where(free, 0, face_ids)]])
     with np.errstate(divide="ignore", invalid="ignore"):
         back = np.where(nets.thin, np.minimum(_SHEET_GAP / distances, 1.0), 0.0)
     targets += np.nan_to_num(back)[:, None] * (before - targets)
@@ -123,8 +122,7 @@ def _fair(positions: FloatArray, edges: IntArray, free: BoolArray) -> FloatArray
     n, is_free = len(used), free[used][:, None]
     if not is_free.any():
         return positions
-    counts = np.bincount(tails, minlength=n)
-    shares = 1.0 / counts[tails]
+    shares = 1.0 / np.bincount(tails, minlength=n)[tails]
 
     def bends(values: FloatArray) -> FloatArray:
         sums = row_sums(tails, shares[:, None] * values[heads], n)
@@ -292,8 +290,7 @@ def _divide_along(
         before[turned[:, 2]] - before[turned[:, 0]],
         before[turned[:, 3]] - before[turned[:, 1]],
     )
-    upright = np.cross(*diagonals)
-    fits = _face_along(upright, area_vectors(after, halves))
+    fits = _face_along(np.cross(*diagonals), area_vectors(after, halves))
     divided = faces.reshape(-1, 2, 3).copy()
     divided[rows[fits]] = halves[fits]
     return divided.reshape(-1, 3)

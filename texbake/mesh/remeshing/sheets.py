@@ -70,8 +70,7 @@ def build_sheet(band: Band, tree: TriangleTree, *, threads: int | None = None) -
     near = np.flatnonzero(field < BAND_WIDTH)
     field.ravel()[near[_is_behind(band, near, tree, threads)]] *= -1.0
     labels = np.full(band.shape, OUTSIDE, dtype=np.uint8)
-    thin = np.zeros(field.shape, dtype=np.bool_)
-    nets = nets_of(band, field, labels, thin, threads=threads)
+    nets = nets_of(band, field, labels, np.zeros(field.shape, dtype=np.bool_), threads=threads)
     cells = np.floor(nets.positions).astype(np.int32)[nets.quads]
     ends = cells.max(axis=1), cells.max(axis=1)
     # The four cells around a grid edge differ along the two other axes.
@@ -236,8 +235,7 @@ def _cleaned(
         is_crumb[more_than_given] = True
     faces = faces[~is_crumb[parts]]
     loops = Loops.of(points, faces)
-    chosen = _made_by_grid(loops, points, rim, threads)
-    points, more = loops.fanned(points, chosen)
+    points, more = loops.fanned(points, _made_by_grid(loops, points, rim, threads))
     faces = oriented(points, np.concatenate([faces, more]))
     return with_own_fans(points, faces)
 

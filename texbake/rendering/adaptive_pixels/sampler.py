@@ -131,8 +131,7 @@ class PixelSampler:
         """Rasterize the wanted samples of a window: transparent layers, then opaque surfaces."""
         state = self._state
         options = replace(state.options, supersampling=sides.seen)
-        request = replace(state.request, options=options, window=window)
-        part = replace(state, request=request)
+        part = replace(state, request=replace(state.request, options=options, window=window))
         visible = find_visible(part)
         layers = [visible.visibility]
         if self._has_layers:
@@ -209,8 +208,7 @@ def _behind_all(state: RenderState) -> Float32Array | None:
         if item.effect.behind is not None and item.effect.prepare is not None:
             shape = state.options.height, state.options.width
             nothing = VisibilityBuffer(np.full(shape, -1, np.int32), np.zeros(shape, np.float32))
-            options = replace(state.options, supersampling=1)
-            request = replace(state.request, options=options)
+            request = replace(state.request, options=replace(state.options, supersampling=1))
             visible = replace(state.visible, visibility=nothing)
             results = state.results.copy()
             empty = replace(state, request=request, visible_scene=visible, results=results)

@@ -312,15 +312,13 @@ def draw_adaptively(
     """Draw a picture to a given error bound or within a time budget; see `draw` for `keep`."""
     clock = clock or BudgetClock()
     options, stages = prepared.options, Stages(progress)
-    request = prepared.request(camera, keep)
-    state = lay_out(prepared, request, stages, all_objects=True)
+    state = lay_out(prepared, prepared.request(camera, keep), stages, all_objects=True)
     adaptive = AdaptivePicture(state, keeps=options.time_budget is not None)
     coverage: FloatImage | None = None
     normals: FloatImage | None = None
     if "normals" in keep:  # before the first samples, so that its time is known
         with stages.stage("shade normals"):
-            plain = shade_to_sums(state)
-            _, coverage, normals = plain.finish(None, threads=state.threads)
+            _, coverage, normals = shade_to_sums(state).finish(None, threads=state.threads)
     start = clock.spent
     with stages.stage("shade"):
         adaptive.begin()

@@ -123,8 +123,7 @@ def _mip_level(fragments: Fragments, state: RenderState) -> Float32Array:
 def _overdraw(fragments: Fragments, state: RenderState) -> Float32Array:
     """Number of triangles that cover the pixel's center, brightest from 16 on."""
     tries = state.of(_buffer_range, min(state.visible.objects))
-    side = state.options.supersampling
-    columns, rows = (fragments.places.T * side).astype(np.int64)
+    columns, rows = (fragments.places.T * state.options.supersampling).astype(np.int64)
     return _gray(np.minimum(tries[rows, columns], _MOST_TRIES) / _MOST_TRIES)
 
 

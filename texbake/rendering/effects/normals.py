@@ -104,8 +104,7 @@ def _frames_for_map(request: RenderRequest, target: int) -> Iterator[str]:
 
 def _mesh_tangents(state: RenderState, target: int) -> Float32Array:
     uv_set = _map_of(state.request, target).texture.uv_set
-    tangents = shading_tangents(textured_mesh(state, target).on_uv_set(uv_set))
-    return read_only(tangents, np.float32)
+    return read_only(shading_tangents(textured_mesh(state, target).on_uv_set(uv_set)), np.float32)
 
 
 def _look_up_normals(fragments: Fragments, state: RenderState) -> None:

@@ -61,8 +61,7 @@ def steps_along_texture(corner_uvs: FloatArray) -> FloatArray:
     """(F, 4) growth of barycentric weights per unit of u, then of v; 0 without area."""
     along, up = corner_uvs[:, 1] - corner_uvs[:, 0], corner_uvs[:, 2] - corner_uvs[:, 0]
     area = along[:, 0] * up[:, 1] - along[:, 1] * up[:, 0]
-    inverse = np.stack([up[:, 1], -along[:, 1], -up[:, 0], along[:, 0]], axis=1)
-    return _divide_rows(inverse, area)
+    return _divide_rows(np.stack([up[:, 1], -along[:, 1], -up[:, 0], along[:, 0]], axis=1), area)
 
 
 def steps_along_surface(corners: FloatArray) -> FloatArray:
@@ -74,8 +73,7 @@ def steps_along_surface(corners: FloatArray) -> FloatArray:
     # In the plane of the triangle the corners are (0, 0), (length, 0) and (shift, area) / length.
     first = _divide_rows(np.stack([np.ones_like(length), np.zeros_like(length)], axis=1), length)
     second = _divide_rows(np.stack([-shift, length * length], axis=1), area * length)
-    steps = np.concatenate([first, second], axis=1)
-    return np.where((area > 0.0)[:, None], steps, 0.0)
+    return np.where((area > 0.0)[:, None], np.concatenate([first, second], axis=1), 0.0)
 
 
 def _divide_rows(rows: FloatArray, by: FloatArray) -> FloatArray:

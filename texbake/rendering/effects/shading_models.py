@@ -202,8 +202,7 @@ def _at_corners(state: RenderState, target: int, faces: IntArray) -> Fragments:
     wanted = state.plan.has("derivatives", target)
     changes = np.zeros((n if wanted else 0, 4), np.float32)
     first, second, third = np.moveaxis(drawn.positions[drawn.faces[faces]], 1, 0)
-    normals = np.cross(second - first, third - first)
-    away = pm.vecdot(normals, state.camera.eye - first) < 0.0
+    away = pm.vecdot(np.cross(second - first, third - first), state.camera.eye - first) < 0.0
     return Fragments.on(
         target, drawn, faces, weights, changes, back_facing=np.ascontiguousarray(away)
     )

@@ -123,8 +123,7 @@ def vertex_colors(fragments: Fragments) -> Float32Array:
     mesh = fragments.drawn.mesh
     assert mesh.colors is not None
     corners = mesh.colors[mesh.faces[fragments.faces]]
-    weights = three_weights(fragments.weights)
-    return np.asarray(pm.vecmat(weights, corners), np.float32)
+    return np.asarray(pm.vecmat(three_weights(fragments.weights), corners), np.float32)
 
 
 def _procedure_reasons(request: RenderRequest, index: int) -> Iterator[str]:

@@ -176,8 +176,7 @@ class MaterialReader:
             self._images[source, color] = self._open_image(index, color)
         found = self._images[source, color]
         if isinstance(found, str):
-            line = f"{shortened(self._name)}: {found}; the material keeps its factors"
-            self.missing.append(line)
+            self.missing.append(f"{shortened(self._name)}: {found}; the material keeps its factors")
             return None
         return found
 

@@ -85,8 +85,7 @@ class SceneObject:
 
     def __post_init__(self) -> None:
         if self.transform is not None:
-            matrix = check_transform(self.transform, "transform")
-            object.__setattr__(self, "transform", matrix)
+            object.__setattr__(self, "transform", check_transform(self.transform, "transform"))
 
     def box_corners(self) -> FloatArray:
         """(8, 3) float64: corners of its bounding box in the world, before displacement."""
@@ -94,8 +93,7 @@ class SceneObject:
         if self.transform is None:
             return corners
         with np.errstate(over="ignore", invalid="ignore"):
-            turned = pm.matmul(corners, self.transform[:3, :3].T)
-            return np.asarray(turned + self.transform[:3, 3])
+            return np.asarray(pm.matmul(corners, self.transform[:3, :3].T) + self.transform[:3, 3])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

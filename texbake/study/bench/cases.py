@@ -128,8 +128,7 @@ def _displaced_sphere(n_triangles: int) -> BenchCase:
         mesh = _sphere_grid(n)
         return mesh.replace(positions=mesh.positions * _wavy_radii(mesh.positions)[:, None])
 
-    surface = ImplicitSurface(value)
-    return _case("displaced-sphere", build, n_triangles, _low_sphere(), 0.1, surface)
+    return _case("displaced-sphere", build, n_triangles, _low_sphere(), 0.1, ImplicitSurface(value))
 
 
 def _orange(n_triangles: int) -> BenchCase:
@@ -174,13 +173,11 @@ def _mirrored_uvs(n_triangles: int) -> BenchCase:
     low = both.replace(
         uvs=ball.uvs * [1.92, 0.96] + 0.02, uv_faces=np.concatenate([uv_faces, uv_faces[:, ::-1]])
     )
-    surface = ImplicitSurface(value)
-    return _case("mirrored-uvs", build, n_triangles, _twice(low), 0.1, surface)
+    return _case("mirrored-uvs", build, n_triangles, _twice(low), 0.1, ImplicitSurface(value))
 
 
 def _twice(mesh: Mesh) -> Mesh:
-    other = mesh.replace(positions=mesh.positions + _APART)
-    both = _together(mesh, other)
+    both = _together(mesh, mesh.replace(positions=mesh.positions + _APART))
     if mesh.uvs is None or mesh.uv_faces is None:
         return both
     return both.replace(uvs=mesh.uvs, uv_faces=np.concatenate([mesh.uv_faces, mesh.uv_faces]))
@@ -332,8 +329,7 @@ def mesh_file(mesh: Mesh, folder: Path, name: str) -> str:
 
 def _written(mesh: Mesh, path: Path) -> str:
     if not path.exists():
-        positions = mesh.positions.astype(np.float32)
-        write_mesh(mesh.replace(positions=positions), path)
+        write_mesh(mesh.replace(positions=mesh.positions.astype(np.float32)), path)
     return str(path)
 
 
@@ -341,8 +337,7 @@ def own_case(high: Mesh, low: Mesh) -> BenchCase:
     """Case of a user's pair, in float32 and without normals, as all programs can read it."""
     high, low = _bare(high), _bare(low)
     low = low_with_uvs(high, low)
-    frame = LocalFrame.around(high, low)
-    extent = measure_extent(RayScene.build(high, frame), low, "smooth")
+    extent = measure_extent(RayScene.build(high, LocalFrame.around(high, low)), low, "smooth")
     return BenchCase(name=high.name, high=high, low=low, reach=max(extent.front, extent.back))
 
 

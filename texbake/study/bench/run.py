@@ -198,8 +198,7 @@ class _Runs:
     def _note(self, run: _Run, done: Finished, product: Product) -> None:
         if done.fault or not product.path.exists():
             self.faults[run] = done.fault or f"it did not write {product.path.name}"
-        before = self.peaks.get(run)
-        known = [peak for peak in (before, done.peak_bytes) if peak is not None]
+        known = [peak for peak in (self.peaks.get(run), done.peak_bytes) if peak is not None]
         self.peaks[run] = max(known) if known else None
 
     def judge(self, run: _Run, product: Product | None) -> Evaluation:

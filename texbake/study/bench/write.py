@@ -110,8 +110,7 @@ def version_words(result: BenchResult) -> str:
 
 def program_colors(result: BenchResult) -> dict[str, str]:
     """Return a color for each program, the same on all plots."""
-    known = [PROGRAMS[name].title for name in PROGRAM_NAMES]
-    titles = dict.fromkeys([*known, *result.versions])
+    titles = dict.fromkeys([*[PROGRAMS[name].title for name in PROGRAM_NAMES], *result.versions])
     return {title: COLORS[i % len(COLORS)] for i, title in enumerate(titles)}
 
 

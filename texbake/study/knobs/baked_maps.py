@@ -266,8 +266,7 @@ def _prepare_map_kind(case: Case) -> Experiment:
     extent = float(np.ptp(pair.low.bounds, axis=0).max())
 
     def work(name: str) -> BakeResult:
-        options = BakeOptions(size=size, maps=(name,), threads=case.threads)
-        return bake(pair.high, pair.low, options)
+        return bake(pair.high, pair.low, BakeOptions(size=size, maps=(name,), threads=case.threads))
 
     def judge(name: str, result: BakeResult) -> Evaluation:
         found = result.maps[name]

@@ -45,12 +45,10 @@ def _prepare_bump_gradient(case: Case) -> Experiment:
             return np.asarray(wave_normals(*grids[size]), np.float32)
         if method == _FORWARD:
             return forward_normals(heights[size])
-        options = HeightToNormalOptions(scale=1.0, derivative=method)
-        return height_to_normal(heights[size], options)
+        return height_to_normal(heights[size], HeightToNormalOptions(scale=1.0, derivative=method))
 
     def judge(value: tuple[str, int], normals: Float32Array) -> Evaluation:
-        read = lookup(normals, points, threads=case.threads).astype(np.float64)
-        angles = angles_deg(read, truth)
+        angles = angles_deg(lookup(normals, points, threads=case.threads).astype(np.float64), truth)
         direction = np.array([-0.5, 0.5, 0.707], np.float32)
         shade = np.clip(pm.matmul(normals, direction), 0.0, 1.0)[..., None].repeat(3, axis=2)
         return Evaluation(

@@ -50,8 +50,7 @@ def _prepare_texture_lookup(case: Case) -> Experiment:
 
     total = np.zeros((len(uvs), chain.n_channels))
     for right, down in _within_pixel(_PER_SIDE):
-        there = floor.uvs(right, down)
-        total += sample(finest, there, filter="bilinear", threads=case.threads)
+        total += sample(finest, floor.uvs(right, down), filter="bilinear", threads=case.threads)
     truth = picture((total / _PER_SIDE**2).astype(np.float32))
 
     def judge(value: tuple[str, float], image: Float32Array) -> Evaluation:

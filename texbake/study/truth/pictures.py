@@ -141,8 +141,7 @@ def lambert_picture(
     weights = hits.barycentrics[seen]
     weights = np.column_stack([1.0 - weights.sum(axis=1), weights])
     if surface is not None:
-        corners = mesh.positions[mesh.faces[hits.faces[seen]]]
-        normals = surface.normals(pm.vecmat(weights, corners))
+        normals = surface.normals(pm.vecmat(weights, mesh.positions[mesh.faces[hits.faces[seen]]]))
     else:
         values, rows = shading_normals(mesh)
         normals = pm.vecmat(weights, values[rows[hits.faces[seen]]])

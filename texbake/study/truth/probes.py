@@ -71,8 +71,7 @@ class Probes:
     def frames(self) -> FloatArray:
         """(n, 3, 3) float64 rows T, B, N as a renderer interpolates them, not normalized."""
         normals, corners = shading_normals(self.low)
-        tangents = shading_tangents(self.low)
-        t4 = tangents[self.faces].astype(np.float64)
+        t4 = shading_tangents(self.low)[self.faces].astype(np.float64)
         n = pm.vecmat(self.barycentrics, normals[corners[self.faces]])
         t = pm.vecmat(self.barycentrics, t4[:, :, :3])
         return np.stack([t, np.cross(n, t) * t4[:, 0, 3:], n], axis=1)

@@ -58,8 +58,7 @@ def coarse_layout(
     poses = charts.turned(angles)
     areas = charts.areas
     strip = _Strip(poses, areas, (width, height), (padding + 0.5) / cell - 0.5, seed)
-    first_scale = math.sqrt(_FIRST_FILL * width * height / areas.sum())
-    found = _searched_order(strip, most_work, first_scale)
+    found = _searched_order(strip, most_work, math.sqrt(_FIRST_FILL * width * height / areas.sum()))
     if found is None:
         return None
     return CoarseLayout(
