@@ -311,7 +311,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         return int(min(max(fitting, least), greatest))
 
     def _memory_left(self, n_high_faces: int, n_low_faces: int) -> float:
-        needed = bake_memory(n_high_faces, n_low_faces, (self.width_px * self.height_px), self.maps)
+        needed = bake_memory(n_high_faces, n_low_faces, self.width_px * self.height_px, self.maps)
         return memory_left(self.max_memory, needed)
 
     def colors_are_srgb(self, mesh_name: str) -> bool:

@@ -214,9 +214,8 @@ class BakeReport:
         if counts.secondary_rays:
             rows.append(("secondary rays", f"{counts.secondary_rays:,}{self._denoised()}"))
         overlap = counted(round(self.texels_overlapping), "texel")
-        outside = counted(counts.faces_outside_tile, "triangle")
         rows += [
-            ("overlap, outside", f"{overlap}, {outside}"),
+            ("overlap, outside", f"{overlap}, {counted(counts.faces_outside_tile, 'triangle')}"),
             ("surface distance", f"least {low:.4g}, median {median:.4g}, greatest {high:.4g}"),
         ]
         for part in (self.budget, self.sampling):

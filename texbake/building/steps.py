@@ -58,14 +58,13 @@ def _page(job: Job) -> dict[str, Any]:
     from texbake.jobs.comparison import page_file
 
     options: PageStep = PAGE.made(job.settings)
-    maps = {name.removesuffix("_map"): file for name in SHOWN if (file := job.input(name))}
     comparison = page_file(
         job.file("high"),
         job.file("low"),
         job.outputs["page"],
         options.picture,
         name=job.asset,
-        maps=maps,
+        maps={name.removesuffix("_map"): file for name in SHOWN if (file := job.input(name))},
         misses=job.input("misses"),
         threads=job.threads,
     ).report

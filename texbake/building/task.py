@@ -146,9 +146,8 @@ def memory_advice(task: Task) -> str:
     """Return what a task may take, and what to do where that is too much, as the end of a line."""
     take = f"it is estimated to take up to {_gigabytes(task.memory_bytes)}"
     if task.most_memory is not None and task.memory_bytes > task.most_memory:
-        most = _gigabytes(task.most_memory)
         return (
-            f"{take}, of the {most} that this build may use; "
+            f"{take}, of the {_gigabytes(task.most_memory)} that this build may use; "
             "give it a smaller mesh or smaller images, or build where there is more memory"
         )
     return f"{take}; run fewer jobs at once, or give it a smaller mesh or smaller images"

@@ -174,7 +174,6 @@ def distances(pair: MeshPair) -> list[Finding | None]:
     ):
         far = nearest.distances > _FAR * pair.size
         part = f" Only one of every {nearest.step} faces was measured." if nearest.step > 1 else ""
-        most = float(pair.frame.length_to_model(nearest.distances.max()))
         results.append(
             checked.finding(
                 name,
@@ -182,7 +181,7 @@ def distances(pair: MeshPair) -> list[Finding | None]:
                 nearest.faces[far],
                 nearest.distances[far],
                 percent=100.0 * _FAR,
-                most=most,
+                most=float(pair.frame.length_to_model(nearest.distances.max())),
                 part=part,
             )
         )

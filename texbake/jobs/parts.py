@@ -117,14 +117,13 @@ def bake_parts_files(
             highs, lows = _read(high, progress), _read(low, progress)
             cage_mesh = None if files.cage is None else read_mesh(files.cage, progress=progress)
             check_fit(_whole(highs), _whole(lows), threads=options.threads)
-        materials = _high_materials(high, highs, options, files.high_texture)
         result = bake_parts(
             highs,
             lows,
             options,
             parts,
             cage=cage_mesh,
-            high_materials=materials,
+            high_materials=_high_materials(high, highs, options, files.high_texture),
             low_materials=_low_materials(low, lows, parts),
             ray_maps=_ray_maps(files.skew_mask, files.offset_map, asset),
             folder=done_maps,

@@ -91,12 +91,11 @@ def _merged(mesh: Mesh) -> tuple[Mesh, int]:
     firsts = weld_rows(np.column_stack([each for each in columns if each is not None]))
     faces = moving_alike(mesh, firsts)[mesh.faces]
     used, compact = used_rows(faces, mesh.n_vertices)
-    colors = None if mesh.colors is None else mesh.colors[used]
     merged = mesh.replace(
         positions=mesh.positions[used],
         deformation=None if mesh.deformation is None else mesh.deformation.of(used),
         faces=compact,
-        colors=colors,
+        colors=None if mesh.colors is None else mesh.colors[used],
         uv_sets=mesh.uv_sets,
         polygon_of=mesh.polygon_of,
     )
@@ -122,7 +121,7 @@ def misoriented(mesh: Mesh) -> BoolArray:
     corners = LocalFrame.around(mesh).to_local(mesh.positions)[mesh.faces[of_closed]]
     a, b, c = np.moveaxis(corners, 1, 0)
     cones = pm.vecdot(a, np.cross(b, c))  # volumes between the faces and the middle of the mesh
-    volumes = np.bincount(parts[of_closed], (cones * np.where(flips[of_closed], -1, 1)), n)
+    volumes = np.bincount(parts[of_closed], cones * np.where(flips[of_closed], -1, 1), n)
     most_turned = 2 * np.bincount(parts, flips, n) > np.bincount(parts, minlength=n)
     inside_out = np.where(is_open, most_turned, volumes < 0.0)
     return np.asarray((flips ^ inside_out[parts]) & ~is_one_sided[parts])

@@ -85,10 +85,9 @@ def uv_sphere(n_lat: int = 32, n_lon: int = 64, radius_at: Field | None = None) 
     south_fan = np.stack([n_inner + n_lon + column, last_row + column + 1, last_row + column], -1)
     uv_faces = np.concatenate([north_fan, split_quads(grid_quads(n_rows - 1, n_lon)), south_fan])
     pole_ids = n_rows * n_lon + np.repeat([0, 1], n_lon)
-    position_of_uv = np.concatenate([ids_around(n_rows, n_lon), pole_ids])
     return Mesh(
         positions=np.concatenate([_from_spherical(theta, phi, radius_at), poles]),
-        faces=position_of_uv[uv_faces],
+        faces=np.concatenate([ids_around(n_rows, n_lon), pole_ids])[uv_faces],
         uvs=uvs,
         uv_faces=uv_faces,
         name="uv sphere",

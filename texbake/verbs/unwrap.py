@@ -179,13 +179,12 @@ def unwrap_files(
     read = [read_mesh(path, progress=progress) for path in sources]
     marked = None if seams is None else [read_seams(seams, mesh) for mesh in read]
     kept = None if protect is None else protected_at(protect, read)
-    valued = None if importance is None else importance_at(importance, read)
     results = unwrap_together(
         read,
         options,
         seams=marked,
         protect=kept,
-        importance=valued,
+        importance=None if importance is None else importance_at(importance, read),
         threads=threads,
         progress=progress,
     )

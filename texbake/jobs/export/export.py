@@ -196,7 +196,7 @@ def _write_layers(sources: Sequence[SourceMap], path: Path, options: ExportOptio
     images = {}
     for source in sources:
         name = f"{source.kind}_{source.tile}" if source.tile else source.kind
-        image = read_image(source.path, color=(source.kind in COLORS), threads=options.threads)
+        image = read_image(source.path, color=source.kind in COLORS, threads=options.threads)
         # Half floats hold all 8-bit codes exactly, but not 16-bit codes.
         fits_half = image.bits == 8 or (image.is_float and image.bits == 16)
         images[name] = replace(source.of_channel(image), bits=16 if fits_half else 32)

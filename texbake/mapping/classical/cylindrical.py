@@ -232,8 +232,7 @@ def onto_sphere(
     t[at_pole] = np.where(height[at_pole] > 0.0, 1.0, 0.0)
     t[at_pole & (np.abs(height) <= rounding)] = 0.5
     at_center = np.abs(points).max(axis=1) <= rounding
-    at_centers = {"corners at the center": int(at_center[faces].sum())}
     return Projected(
         corners=np.stack([angles.s, t[faces]], axis=2),
-        tallies=angles.tallies("a pole") | at_centers,
+        tallies=angles.tallies("a pole") | {"corners at the center": int(at_center[faces].sum())},
     )

@@ -107,7 +107,6 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
     if mode not in ("OPAQUE", "MASK", "BLEND"):
         document.fail(f"the alphaMode {quoted(mode)} of {quoted(name)} is not known")
     extensions = document.mapping(source, "extensions")
-    ior = document.mapping(extensions, "KHR_materials_ior")
     return GltfMaterial(
         name=name,
         channels={
@@ -119,7 +118,7 @@ def read_material(document: Document, index: int | None) -> GltfMaterial:
         alpha_cutoff=document.number(source, "alphaCutoff", 0.5),
         is_double_sided=bool(source.get("doubleSided", False)),
         is_unlit="KHR_materials_unlit" in extensions,
-        ior=document.number(ior, "ior", 1.5),
+        ior=document.number(document.mapping(extensions, "KHR_materials_ior"), "ior", 1.5),
         volume=_volume(document, document.mapping(extensions, "KHR_materials_volume")),
     )
 

@@ -214,11 +214,10 @@ def make_plane(*, resolution: tuple[int, int], width: float, height: float) -> M
         (nodes - steps) * (length / (2 * steps))
         for nodes, steps, length in zip(grid.nodes.T, resolution, (width, height), strict=True)
     )
-    flat = np.zeros(len(x))
     return grid_mesh(
         grid,
         name="plane",
-        positions=np.stack([x, y, flat], axis=-1),
+        positions=np.stack([x, y, np.zeros(len(x))], axis=-1),
         uvs=np.stack([u, v], axis=-1),
         normals=np.broadcast_to([0.0, 0.0, 1.0], (len(x), 3)),
     )

@@ -85,14 +85,13 @@ def placed_light(light: Light, camera: Camera | None = None) -> PlacedLight:
     if follows and camera is not None:
         position = position + camera.eye
     length = float(pm.norm(direction))
-    is_spot = light.kind == "spot"
     return PlacedLight(
         kind=light.kind,
         radiance=one_row(tuple(light.intensity * c for c in light.color), 3),
         position=position,
         direction=direction / length if length > 0.0 else direction,
         up=up,
-        cosines=_cosines(light) if is_spot else (-1.0, -1.0),
+        cosines=_cosines(light) if light.kind == "spot" else (-1.0, -1.0),
         decay=float(light.decay),
     )
 

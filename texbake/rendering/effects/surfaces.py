@@ -160,10 +160,9 @@ def _load_image(
     state: RenderState, drawn: DrawnObject, holder: Displacement, texture: ImageTexture
 ) -> LoadedImage:
     uvs = drawn.mesh.uv_set(texture.uv_set).uvs
-    n_channels = 3 if holder.vector else 1
     heights = heights_from(
         texture.image, mid=holder.mid, scale=holder.height, channel=texture.channel,
-        n_channels=n_channels,
+        n_channels=3 if holder.vector else 1,
     )  # fmt: skip
     kind, name = state.request.filter_of(texture), "displacement.texture"
     image = placed_image(texture, heights, kind="data", filter_name=kind, uvs=uvs, name=name)

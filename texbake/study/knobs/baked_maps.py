@@ -48,12 +48,11 @@ def _prepare_texture_size(case: Case) -> Experiment:
         )
 
     truth, words = truth_of(pair, probes)
-    sizes = case.choose(_SIZES, _QUICK_SIZES)
     return Experiment(
         subject=pair.subject,
         truth=truth,
         truth_text=words,
-        settings=tuple(Setting(str(size), size) for size in sizes),
+        settings=tuple(Setting(str(size), size) for size in case.choose(_SIZES, _QUICK_SIZES)),
         work=work,
         judge=judge,
     )
@@ -272,14 +271,13 @@ def _prepare_map_kind(case: Case) -> Experiment:
         found = result.maps[name]
         differs, largest = _differs(found, extent)
         counts = result.report.counts
-        rays = counts.rays_cast + counts.secondary_rays
         return Evaluation(
             error=100.0 * float(1.0 - differs.mean()),
             picture=_shown(found),
             figures={
                 "texels that the map changes (%)": 100.0 * float(differs.mean()),
                 f"largest change ({_unit_of(found)})": largest,
-                "rays (million)": rays / 1e6,
+                "rays (million)": (counts.rays_cast + counts.secondary_rays) / 1e6,
             },
         )
 
