@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from texbake.study.knob import Evaluation, Experiment, Setting
-from texbake.study.runner import run_experiment, with_peak_memory
+from texbake.study.study import run_experiment, with_peak_memory
 
 MB = 1 << 20
 

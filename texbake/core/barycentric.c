@@ -2,7 +2,7 @@
 
    Weights are float32; products of two float32 are rounded to float32.
 
-   Called from texbake/baking/maps/geometry.py, hits.py and channel_images.py. */
+   Called from texbake/baking/maps/of_hits.py, hits.py and channel_images.py. */
 
 #include <math.h>
 #include <stdbool.h>

@@ -1,7 +1,7 @@
 """All maps that a bake can make: `MAPS`, in the order in which they are listed to users.
 
-A module for each source of values declares its maps below the functions that compute them; NumPy
-is imported only when they are called. Everything else (averaging the samples of a texel, padding,
+`of_hits` declares maps below the functions that compute them; NumPy is imported only when they are
+called. Everything else (averaging the samples of a texel, padding,
 coding, options, reports) follows from the declaration.
 
 Their files have names from a pattern such as `{asset}_{map}_{udim}.{ext}`.
@@ -13,11 +13,11 @@ import re
 import string
 from collections.abc import Sequence
 
-from texbake.baking.maps import geometry, surface
+from texbake.baking.maps import of_hits
 from texbake.baking.maps.kind import MapKind as MapKind
 from texbake.errors import OptionError, quoted
 
-_KINDS = (*geometry.KINDS, *surface.KINDS, *geometry.RAY_KINDS)
+_KINDS = (*of_hits.KINDS, *of_hits.SURFACE_KINDS, *of_hits.RAY_KINDS)
 MAPS: dict[str, MapKind] = {kind.name: kind for kind in _KINDS}
 MAP_NAMES = tuple(MAPS)
 # Maps made from the materials of the high-poly mesh.

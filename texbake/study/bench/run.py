@@ -35,7 +35,7 @@ from texbake.study.knob import Evaluation, Experiment, Setting
 from texbake.study.options import BenchOptions
 from texbake.study.plots import check_matplotlib
 from texbake.study.result import amount
-from texbake.study.runner import machine_figures, run_experiment
+from texbake.study.study import machine_figures, run_experiment
 
 
 def run_bench(
