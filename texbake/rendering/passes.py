@@ -100,7 +100,11 @@ def seen_objects(
 
 
 def shade_fragments(
-    state: RenderState, visibility: VisibilityBuffer, rows: tuple[int, int]
+    state: RenderState,
+    visibility: VisibilityBuffer,
+    rows: tuple[int, int],
+    *,
+    wants_samples: bool = False,
 ) -> tuple[FragmentRows, list[Fragments]]:
     """Shade the fragments of some rows of pixels, object by object."""
     with state.costs.timed("fragments"):
@@ -111,6 +115,7 @@ def shade_fragments(
             side=state.options.supersampling,
             merges=state.options.edges == "multisample"
             and state.options.interpolation != "scanline",
+            wants_samples=wants_samples,
         )
     return found, shade_objects(state, visibility, found)
 
