@@ -80,7 +80,8 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
     in_rows = (boxes[..., 0].astype(np.int64) + 1) // 2 * boxes[..., 1]
     masks = np.split(bitmaps.masks, bitmaps.starts.ravel()[1:])
     marked = np.repeat([np.count_nonzero(mask) for mask in masks], turns)
-    spans = np.empty((int(np.minimum(in_rows.ravel(), marked).sum()), 3), dtype=np.int32)
+    most = int(np.minimum(in_rows.ravel(), marked).sum())
+    spans = np.empty((most, 3), dtype=np.int32)
     starts = np.empty((n_charts, n_poses * turns, 2), dtype=np.int64)
     n_spans = core.list_spans(bitmaps.masks, bitmaps.starts, bitmaps.boxes, turns, spans, starts)
     spans = spans[:n_spans].copy()

@@ -5,6 +5,8 @@
 2. The grid shrinks by a row or a column at a time, and overlapping charts are moved apart, until
    that fails.
 
+Time is measured in steps of work, so that the result does not depend on the machine.
+
 Based on: Edmund K. Burke, Yuri Bykov, "The late acceptance hill-climbing heuristic", European
 Journal of Operational Research 258, 2017 (which changes of the order are kept).
 """
@@ -58,7 +60,8 @@ def coarse_layout(
     poses = charts.turned(angles)
     areas = charts.areas
     strip = _Strip(poses, areas, (width, height), (padding + 0.5) / cell - 0.5, seed)
-    found = _searched_order(strip, most_work, math.sqrt(_FIRST_FILL * width * height / areas.sum()))
+    first_scale = math.sqrt(_FIRST_FILL * width * height / areas.sum())
+    found = _searched_order(strip, most_work, first_scale)
     if found is None:
         return None
     return CoarseLayout(
