@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.cutting.parts import ChartLimits, Part, disk_charts, step_lengths
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import Mesh
@@ -14,9 +15,12 @@ def laid(mesh, most_l2, *, length=np.inf, area=np.inf):
     part = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
     lengths = step_lengths(mesh.positions, mesh.faces, opposite)
     total_area = float(surface_areas(mesh.positions[mesh.faces]).sum())
-    limits = ChartLimits(l2=most_l2, length=length, area=area, total_area=total_area)
+    limits = ChartLimits(l2=most_l2, length=length, area=area, flat_area=0.0, total_area=total_area)
+    normals = face_crosses(mesh.positions, mesh.faces)
     weights = np.ones((mesh.n_faces, 3))
-    pieces, left = disk_charts(mesh.positions, mesh.faces, lengths, weights, [part], limits=limits)
+    pieces, left = disk_charts(
+        mesh.positions, mesh.faces, normals, lengths, weights, [part], limits=limits
+    )
     return [charts for _, charts in pieces], len(left)
 
 

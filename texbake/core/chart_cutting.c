@@ -158,8 +158,8 @@ static int64_t write_charts(
     return n_vertices;
 }
 
-/* Measure the areas and unit normals of the faces. */
-static void measure_faces(struct cutting *cutting)
+/* Measure the areas of the faces, and make normals of unit length. */
+static void measure_faces(struct cutting *cutting, const double (*normals)[3])
 {
     cutting->normals = take_zeros(cutting->arena, cutting->n_faces, sizeof *cutting->normals);
     cutting->areas = TAKE(cutting->arena, double, cutting->n_faces);
@@ -167,15 +167,16 @@ static void measure_faces(struct cutting *cutting)
         const double *a = cutting->points[cutting->corners[face][0]];
         const double *b = cutting->points[cutting->corners[face][1]];
         const double *c = cutting->points[cutting->corners[face][2]];
-        double normal[3], square = 0.0;
+        double square = 0.0, length = 0.0;
         for (int i = 0; i < 3; i++) {
             const int j = (i + 1) % 3, k = (i + 2) % 3;
-            normal[i] = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j]);
-            square += normal[i] * normal[i];
+            const double across = (b[j] - a[j]) * (c[k] - a[k]) - (b[k] - a[k]) * (c[j] - a[j]);
+            square += across * across;
+            length += normals[face][i] * normals[face][i];
         }
         cutting->areas[face] = 0.5 * sqrt(square);
-        for (int i = 0; i < 3 && square > 0.0; i++)
-            cutting->normals[face][i] = normal[i] / sqrt(square);
+        for (int i = 0; i < 3 && length > 0.0; i++)
+            cutting->normals[face][i] = normals[face][i] / sqrt(length);
     }
 }
 
@@ -232,16 +233,17 @@ static void filter_normals(struct cutting *cutting, double similar)
 }
 
 /* Cut a part into charts of at most `most_l2` stretch, unless dividing does not lower it; return
-   their number. Charts longer than `most_length` or larger than `most_area`, of a mesh of `total_area`,
-   are divided. `labels` gets the chart of each face, -1
-   without one: `faces` and `uvs` are its layout; `n_vertices` the number of coordinates. `lengths`
-   come from `find_step_lengths`, `weights` are those of seams along each side; overlaps up to `depth`
-   do not count. */
+   their number. Charts longer than `most_length` or larger than `most_area`, or `most_flat_area` where
+   hardly stretched, of a mesh of `total_area`, are divided. `labels` gets the chart of each face, -1 without one: `faces` and `uvs` are its layout;
+   `n_vertices` the number of coordinates. Creases are where `normals` differ, which have any length; in
+   a bevel they are those of the plane next to it. `lengths` come from `find_step_lengths`, `weights` are
+   those of seams along each side; overlaps up to `depth` do not count. */
 EXPORT int64_t cut_charts(
     int64_t n, int64_t n_faces, int64_t n_corners, const double points[n][3],
     const int32_t corners[n_faces][3], const int32_t opposite[3 * n_faces],
-    const double lengths[n_faces][3], const double weights[n_faces][3], double most_l2,
-    double most_length, double most_area, double total_area, double depth, int32_t labels[n_faces],
+    const double normals[n_faces][3], const double lengths[n_faces][3],
+    const double weights[n_faces][3], double most_l2, double most_length, double most_area,
+    double most_flat_area, double total_area, double depth, int32_t labels[n_faces],
     int32_t faces[n_faces][3], double uvs[n_corners][2], int64_t n_vertices[1])
 {
     n_vertices[0] = 0;
@@ -251,7 +253,7 @@ EXPORT int64_t cut_charts(
     struct cutting cutting = {
         .arena = arena, .points = points, .corners = corners, .lengths = lengths,
         .weights = weights,
-        .limits = {most_l2, most_length, most_area, total_area, depth}, .n_faces = n_faces,
+        .limits = {most_l2, most_length, most_area, most_flat_area, total_area, depth}, .n_faces = n_faces,
         .opposite = TAKE(arena, int32_t, 3 * n_faces),
         .charts = take(arena, 2 * n_faces, sizeof *cutting.charts)};
     struct part whole = {.n_faces = n_faces, .face_ids = TAKE(arena, int32_t, n_faces),
@@ -262,7 +264,7 @@ EXPORT int64_t cut_charts(
     }
     memcpy(whole.opposite, opposite, (size_t)(3 * n_faces) * sizeof *opposite);
     memcpy(cutting.opposite, opposite, (size_t)(3 * n_faces) * sizeof *opposite);
-    measure_faces(&cutting);
+    measure_faces(&cutting, normals);
     const double rough = roughness(&cutting);
     if (rough > 0.0)
         filter_normals(&cutting, max_f64(SIMILAR, 2.0 * rough));

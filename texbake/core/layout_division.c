@@ -29,6 +29,11 @@ static const double COST_OF_PART = 0.01;
    no more area empty than before: half a ring leaves as much empty as a ring, a quarter far less. */
 static const double HELP = 0.8;
 
+/* A chart that is hardly stretched, such as a plate, may be as large as `most_flat_area`. If that is
+   more than any other may be, it may also leave this share of its area empty: plates have holes. */
+static const double FLAT = 1.001;
+static const double MOST_FLAT_WASTE = 1.0;
+
 /* A chart that is nearly all there is stays whole, however large it is. */
 static const double NEARLY_ALL = 0.9;
 
@@ -49,10 +54,12 @@ static int compare_keys(const void *one, const void *other)
 bool packs_well(const struct cutting *cutting, const struct part *part)
 {
     const struct chart_limits *limits = &cutting->limits;
-    const double waste = part->hull_area - part->area;
+    const bool is_flat = part->l2 <= FLAT && limits->most_flat_area > limits->most_area;
+    const double most_area = is_flat ? limits->most_flat_area : limits->most_area;
+    const double most_waste = (is_flat ? MOST_FLAT_WASTE : MOST_WASTE) * part->area;
     return part->length <= limits->most_length
-        && (part->area <= limits->most_area || part->area >= NEARLY_ALL * limits->total_area)
-        && waste <= max_f64(MOST_WASTE * part->area, SMALL_WASTE * limits->most_area);
+        && (part->area <= most_area || part->area >= NEARLY_ALL * limits->total_area)
+        && part->hull_area - part->area <= max_f64(most_waste, SMALL_WASTE * limits->most_area);
 }
 
 /* Label the connected pieces on both sides of a line through the middle of the area; return how many

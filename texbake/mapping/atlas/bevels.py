@@ -15,6 +15,7 @@ from texbake.core import portable_math as pm
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.records import dataclass
 
 # Neighbors that turn by less, in degrees, are coplanar.
 _COPLANAR = 1.0
@@ -28,24 +29,31 @@ _NARROW, _MARGIN, _TURN = 0.25, 0.2, 60.0
 _MOST_REGIONS = 8  # of a margin, from the wide region outwards
 
 
-def beveled_angles(
-    points: FloatArray, corners: IntArray, edges: IntArray, across: IntArray, angles: FloatArray
-) -> tuple[FloatArray, BoolArray]:
-    """Angles of edges; at the end of the margin of a wide region, at least that to this region.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bevels:
+    """The hard edges of a surface, beveled or not."""
 
-    Also returns which edges lie within a plane that is wide enough to be kept whole.
+    edges: IntArray  # (k,) int32; half-edges with an opposite
+    # (k,) float64; degrees between the faces at them; at the end of a margin, at least those
+    # between the wide regions on both sides
+    angles: FloatArray
+    within: BoolArray  # (k,); whether they lie within a plane that is wide enough to be kept whole
+    # (F, 3) float64; normals of faces, of any length; in a margin, that of the wide region
+    normals: FloatArray
 
-    `edges`, `across` (k,) int32: half-edges and their opposites; `angles` (k,): between the normals
-    of their faces, in degrees.
-    """
-    one, other = edges // 3, across // 3
+
+def find_bevels(points: FloatArray, corners: IntArray, opposite: IntArray) -> Bevels:
+    """Find bevels, of faces with `corners` (F, 3); `opposite` (3 F,) int32, -1 for none."""
+    edges = np.flatnonzero(opposite >= 0).astype(np.int32)
+    one, other = edges // 3, opposite[edges] // 3
+    crosses = face_crosses(points, corners)
+    angles = angles_between(crosses[one], crosses[other])
     flat = angles < _COPLANAR
     labels = merged_labels(len(corners), one[flat], other[flat])
     first, second = labels[one[~flat]], labels[other[~flat]]
     sizes = np.bincount(labels, surface_areas(points[corners]), minlength=len(labels))
     areas = np.asarray(sizes, dtype=np.float64)
     widths = 2.0 * areas / _perimeters(points, corners, labels, edges[flat])
-    crosses = face_crosses(points, corners)
     sums = [np.bincount(labels, crosses[:, axis], minlength=len(labels)) for axis in range(3)]
     normals = np.stack(sums, axis=1).astype(np.float64)
     is_planar = pm.norm(normals, axis=1) >= 2.0 * _PLANAR * areas
@@ -54,10 +62,16 @@ def beveled_angles(
     ends = owners[first], owners[second]
     meet = np.flatnonzero((ends[0] != ends[1]) & ((ends[0] != first) | (ends[1] != second)))
     between = angles_between(normals[ends[0][meet]], normals[ends[1][meet]])
-    found = angles.copy()
     places = np.flatnonzero(~flat)[meet]
-    found[places] = np.maximum(found[places], np.where(between > _TURN, between, 0.0))
-    return found, flat & is_wide[labels[one]]
+    angles[places] = np.maximum(angles[places], np.where(between > _TURN, between, 0.0))
+    owner = owners[labels]
+    is_margin = (owner != labels)[:, None]
+    return Bevels(
+        edges=edges,
+        angles=angles,
+        within=flat & is_wide[labels[one]],
+        normals=np.where(is_margin, normals[owner], crosses),
+    )
 
 
 def _perimeters(

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from texbake.core import portable_math as pm
 from texbake.errors import UvError, counted
+from texbake.mapping.atlas.bevels import Bevels, find_bevels
 from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, surface_areas
 from texbake.mapping.seams import chart_ids, merged_labels
 from texbake.mesh.compose import offset_joined
@@ -45,6 +46,12 @@ class ChartSurface:
         """The corners; (F,) faces with three different ones; `opposite` of those faces."""
         solid = (self.corners != np.roll(self.corners, 1, axis=1)).all(axis=1)
         return self.corners, solid, self.opposite(solid)
+
+    @cached_property
+    def bevels(self) -> Bevels:
+        """The hard edges, beveled or not."""
+        corners, _, opposite = self.joints
+        return find_bevels(self.points, corners, opposite)
 
     def opposite(self, solid: npt.NDArray[np.bool_]) -> IntArray:
         """(3 F,) int32: `opposite_half_edges` of the `solid` faces."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.bevels import angles_between, beveled_angles, face_crosses
+from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
@@ -46,19 +46,16 @@ _SHADED = 0.6  # openness, relative to its mean, up to which no detail shows
 def edge_weights(surface: ChartSurface, *, hide: float = 0.0, joined: bool = True) -> FloatArray:
     """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons.
 
-    `hide`: influence of openness, 0 to 1; `joined`: charts will be joined, so that seams within
-    planes and across details, which cost more, can go.
+    `hide`: influence of openness, 0 to 1; `joined`: charts will be joined, so that seams across
+    details, which cost more, can go.
     """
     corners, solid, opposite = surface.joints
-    edges = np.flatnonzero(opposite >= 0).astype(np.int32)
-    normals = face_crosses(surface.points, corners)
-    angles = angles_between(normals[edges // 3], normals[opposite[edges] // 3])
-    angles, flat = beveled_angles(surface.points, corners, edges, opposite[edges], angles)
+    bevels = surface.bevels
+    edges, angles = bevels.edges, bevels.angles
     soft = np.ones(len(opposite))
     soft[edges] -= np.clip((angles - _SOFT_ANGLE) / (_HARD_ANGLE - _SOFT_ANGLE), 0.0, 1.0)
     weights = _HARD + (1.0 - _HARD) * soft
-    if joined:
-        weights[edges[flat]] = _FLAT
+    weights[edges[bevels.within]] = _FLAT
     if hide > 0.0 and len(edges):
         along = _along(_openness(surface, corners, solid), corners)
         if joined:

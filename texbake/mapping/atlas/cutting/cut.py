@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from texbake.errors import UnwrapError, require_library
+from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.parts import (
     ChartLimits,
@@ -58,10 +59,13 @@ class _Quality:
     most_l2: float  # largest stretch at which a part becomes one chart
     # Largest share of the area of the mesh in one chart: a few large charts do not fill a square.
     most_share: float
+    most_flat_share: float = 0.0  # the same of one that is hardly stretched, if more
 
 
 _QUALITIES = {
-    "fast": _Quality(part_faces=4_000, whole_faces=6_000, most_l2=1.06, most_share=0.25),
+    "fast": _Quality(
+        part_faces=4_000, whole_faces=6_000, most_l2=1.06, most_share=0.25, most_flat_share=0.35
+    ),
     "good": _Quality(part_faces=6_000, whole_faces=9_000, most_l2=1.005, most_share=0.2),
     "best": _Quality(part_faces=10_000, whole_faces=15_000, most_l2=1.06, most_share=0.25),
 }
@@ -125,12 +129,15 @@ def cut_charts(
         sizes = _QUALITIES[quality] if surface.seams is None else _AS_MARKED
         if area is None:
             area = float(surface_areas(points[corners[solid]]).sum())
+        # Where charts are joined, joins along bevels are shorter than cuts along all of them.
+        normals = surface.bevels.normals if quality == "fast" else face_crosses(points, corners)
         if surface.seams is None:
             opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
         labels = _labels(points, corners, opposite, surface.polygons, sizes, weights)
         pieces, left = disk_charts(
             points,
             corners,
+            normals,
             step_lengths(points, corners, opposite, surface.polygons, weights),
             weights,
             split_parts(opposite, np.where(solid, labels, -1)),
@@ -138,6 +145,7 @@ def cut_charts(
                 l2=sizes.most_l2,
                 length=math.inf if surface.seams is not None else _MOST_SIDES * math.sqrt(area),
                 area=sizes.most_share * area,
+                flat_area=sizes.most_flat_share * area,
                 total_area=area,
             ),
             threads=threads,

@@ -193,12 +193,14 @@ class ChartLimits:
     # length, area: a longer or larger chart is divided, unless it is nearly the whole mesh
     length: float
     area: float
+    flat_area: float  # the same of a chart that is hardly stretched, if more
     total_area: float  # area of all charts
 
 
 def disk_charts(
     points: FloatArray,
     corners: IntArray,
+    normals: FloatArray,
     lengths: FloatArray,
     weights: FloatArray,
     parts: Sequence[Part],
@@ -207,13 +209,16 @@ def disk_charts(
     threads: int | None = None,
     advance: Callable[[int], None] | None = None,
 ) -> tuple[list[tuple[IntArray, Charts]], IntArray]:
-    """Flatten parts in few charts, by `step_lengths`: faces and charts, and faces (k,) left."""
+    """Flatten parts in few charts; return faces and charts, and faces (k,) left.
+
+    `normals` (F, 3) show creases; `lengths`: those of `step_lengths`.
+    """
     laid: list[_Laid | None] = [None] * len(parts)
     order = sorted(range(len(parts)), key=lambda number: -len(parts[number].face_ids))
 
     def lay(first: int, last: int) -> None:
         for number in order[first:last]:
-            laid[number] = _cut(points, corners, lengths, weights, parts[number], limits)
+            laid[number] = _cut(points, corners, normals, lengths, weights, parts[number], limits)
 
     report = faces_done([len(parts[number].face_ids) for number in order], advance)
     run_bands(lay, len(parts), band=1, threads=threads, advance=report)
@@ -258,6 +263,7 @@ class _Laid:
 def _cut(
     points: FloatArray,
     corners: IntArray,
+    normals: FloatArray,
     lengths: FloatArray,
     weights: FloatArray,
     part: Part,
@@ -270,8 +276,8 @@ def _cut(
     uvs = np.empty((3 * len(ids), 2))
     n_vertices = np.empty(1, dtype=np.int64)
     n_charts = core.cut_charts(
-        points, corners[ids], part.opposite, lengths[ids], weights[ids], limits.l2,
-        limits.length, limits.area, limits.total_area, OVERLAP_DEPTH,
+        points, corners[ids], part.opposite, normals[ids], lengths[ids], weights[ids], limits.l2,
+        limits.length, limits.area, limits.flat_area, limits.total_area, OVERLAP_DEPTH,
         labels, faces, uvs, n_vertices,
     )  # fmt: skip
     laid = labels >= 0
