@@ -9,6 +9,7 @@ from texbake.mapping.atlas.packing.bitmaps import (
     Bitmaps,
     Outlines,
     PackingGrid,
+    border_angles,
     least_box_angles,
     shapes_of,
 )
@@ -180,6 +181,23 @@ def test_a_turned_rectangle_is_turned_back_to_its_least_box():
     charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=1)
     poses = charts.turned(np.stack([found, found + np.pi / 2], axis=1))
     assert poses.extents == pytest.approx(np.array([[[5.0, 2.0], [2.0, 5.0]]]))
+
+
+def test_the_border_of_a_circle_has_no_direction_and_that_of_a_square_one():
+    arc = np.arange(120) * np.radians(3.0)
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    turn = np.array([[np.cos(0.4), np.sin(0.4)], [-np.sin(0.4), np.cos(0.4)]])
+    uvs = np.concatenate([np.stack([np.cos(arc), np.sin(arc)], axis=1), square @ turn])
+    fans = [[[0, i, i + 1] for i in range(1, 119)], [[120, 121, 122], [120, 122, 123]]]
+    faces = np.concatenate(fans).astype(np.int32)
+    ids = np.repeat(np.arange(2, dtype=np.int32), [120, 4])
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=ids, n_charts=2)
+    angles, shares = border_angles(charts)
+    assert angles[1] == pytest.approx(0.4)
+    assert shares == pytest.approx([4.0 / 120.0, 1.0], abs=1e-6)
+    # Unless it is too long: then only a border that is straight all around decides.
+    assert charts.along_axes(9.0).aligned.tolist() == [False, True]
+    assert charts.along_axes(0.1).aligned.tolist() == [False, True]
 
 
 def test_a_chart_between_cell_centers_still_takes_a_cell():

@@ -80,7 +80,7 @@ def test_faces_have_the_colors_of_the_picture(heat):
     found = layers(layout_svg(mesh, 200, heat=heat))
     y, x = np.mgrid[:200, :200] + 0.5
     shown, far = np.full((200, 200, 3), 0.96), np.ones((200, 200), dtype=bool)
-    for path in found["charts"] + found["mirrored"]:
+    for path in found["charts"] + found.get("mirrored", []):
         turns = np.zeros_like(x)
         for (x0, y0), (x1, y1) in ((a, b) for w in walks(path) for a, b in itertools.pairwise(w)):
             side = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
@@ -161,6 +161,21 @@ def test_a_surface_folded_in_the_texture_is_a_chart_and_red_where_it_lies_face_d
     assert area(chart) == pytest.approx(-(128.0**2))
     assert area(mirrored) == pytest.approx(128.0**2)
     assert mirrored.attrib["fill"] != chart.attrib["fill"]
+
+
+def test_the_heat_of_a_mirrored_copy_is_that_of_its_original():
+    mesh = plane()
+    corners = np.concatenate([mesh.corner_uvs(), mesh.corner_uvs()[:, ::-1]])
+    both = mesh.replace(
+        faces=np.concatenate([mesh.faces, mesh.faces[:, ::-1]]),
+        uvs=corners.reshape(-1, 2),
+        uv_faces=np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3),
+    )
+    whole, alone = (draw_layout(each, 64, heat=True)[:60] for each in (both, mesh))
+    assert np.allclose(whole[20:24, 36:40], alone[20:24, 36:40])
+    found = layers(layout_svg(both, 64, heat=True))
+    assert "mirrored" not in found
+    assert sorted(map(area, found["charts"])) == pytest.approx([-(64.0**2), 64.0**2])
 
 
 def test_tiles_are_named():

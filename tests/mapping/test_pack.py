@@ -158,6 +158,40 @@ def rectangles(widths, heights):
     return uvs.reshape(-1, 2), faces, np.repeat(np.arange(n_charts, dtype=np.int32), 4)
 
 
+def outlines(shapes, turns):
+    """A chart of triangles around the first corner of each convex outline, turned by an angle."""
+    corners = [
+        np.array(shape) @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        for shape, turn in zip(shapes, turns, strict=True)
+    ]
+    sizes = np.array([len(shape) for shape in shapes])
+    faces = np.concatenate(
+        [
+            np.stack([np.zeros(n - 2), np.arange(1, n - 1), np.arange(2, n)], axis=1) + first
+            for n, first in zip(sizes, np.cumsum(sizes) - sizes, strict=True)
+        ]
+    )
+    return np.concatenate(corners), faces.astype(np.int32), np.repeat(np.arange(len(sizes)), sizes)
+
+
+@pytest.mark.parametrize("effort", ["fast", "good", "best"])
+def test_straight_borders_lie_along_u_and_v(effort):
+    arc = np.radians(np.arange(181.0))
+    half_disk = np.stack([np.cos(arc), np.sin(arc)], axis=1)
+    rounded = np.concatenate([[[-1.0, -2.0], [1.0, -2.0]], half_disk])
+    bevelled = [[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [2.0, 1.02], [1.9, 2.0], [0.0, 2.0]]
+    shapes = [rounded, bevelled, [[0.0, 0.0], [3.0, 0.0], [3.0, 0.5], [0.0, 0.5]]] * 4
+    turns = np.radians(np.random.default_rng(8).uniform(0.0, 360.0, len(shapes)))
+    uvs, faces, ids = outlines(shapes, turns)
+    packing = pack_charts(
+        uvs, faces, ids.astype(np.int32), size=(256, 256), padding=1, effort=effort
+    )
+    sides = [[0, 1], [0, 1], [0, 1]] * 4
+    for chart, (tail, head) in enumerate(sides):  # the longest straight side of each
+        own = packing.uvs[ids == chart]
+        assert np.abs(own[head] - own[tail]).min() < 1e-14
+
+
 @pytest.mark.parametrize("effort", ["fast", "good"])
 def test_squares_that_fill_a_square_leave_only_their_gaps(effort):
     # 16 equal ones, and a large one with 12 small ones around two sides of it and 1 corner each.

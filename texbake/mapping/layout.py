@@ -130,8 +130,10 @@ class LayoutWindow:
 def face_colors(
     mesh: Mesh, charts: IntArray, size: int | tuple[int, int], heat: bool
 ) -> FloatArray:
-    """(F, 3) sRGB colors of faces, by chart or by stretch; mirrored faces are red."""
-    colors = _heat_colors(mesh, size) if heat else _chart_palette(int(charts.max()) + 1)[charts]
+    """(F, 3) sRGB colors of faces: by stretch, or by chart with mirrored faces in red."""
+    if heat:
+        return _heat_colors(mesh, size)
+    colors = _chart_palette(int(charts.max()) + 1)[charts]
     colors[signed_areas(mesh.corner_uvs()) < 0.0] = MIRRORED
     return colors
 

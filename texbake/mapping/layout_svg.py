@@ -83,14 +83,15 @@ def layout_svg(mesh: MeshLike, size: int | tuple[int, int] = 1024, *, heat: bool
 def _filled(
     mesh: Mesh, points: Int64Array, size: int | tuple[int, int], heat: bool
 ) -> Iterator[str]:
-    """Layers of filled faces: by chart or by color of the heat map, and mirrored faces."""
+    """Layers of filled faces: by color of the heat map, or by chart and mirrored faces."""
     charts = chart_ids(mesh)
     levels = np.rint(face_colors(mesh, charts, size, heat) * 255.0).astype(np.int64)
     colors = (levels << np.array([16, 8, 0])).sum(axis=1)
     mirrored = signed_areas(mesh.corner_uvs()) < 0.0
     groups: Ids = charts
-    if heat:
-        groups = weld_rows(colors[:, None].astype(np.int32))
+    if heat:  # mirrored faces in paths of their own, for their edges would cancel those of others
+        groups = weld_rows(np.stack([colors, mirrored], axis=1).astype(np.int32))
+        mirrored = np.zeros_like(mirrored)
     upright = np.flatnonzero(~mirrored)
     _, firsts, numbers = np.unique(groups[upright], return_index=True, return_inverse=True)
     faces = upright[firsts]

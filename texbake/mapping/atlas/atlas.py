@@ -14,7 +14,6 @@ from texbake.errors import UnwrapError
 from texbake.mapping.atlas.charts import (
     Charts,
     ChartSurface,
-    aligned_charts,
     enlarged,
     existing_charts,
     find_isolated_faces,
@@ -216,7 +215,6 @@ def _packed_charts(
             tile_groups=tile_groups(meshes, all_charts) if options.by_group else None,
             density=options.texel_density,
             unit=unit,
-            aligned=aligned_charts(all_charts),
             reshape=not options.keep and options.max_stretch is None,
             threads=threads,
         )

@@ -135,8 +135,6 @@ class Charts:
     n_split: int = 0  # charts that were split off because they overlapped their own chart
     # (F,) bool; faces on the coordinates of their mirror images; None if there are none.
     stacked: BoolArray | None = None
-    # (C,) bool; charts whose sides are packed along u and v; None if there are none.
-    rectangles: BoolArray | None = None
     # Notes for the report: steps that failed and what was done instead, charts that miss a bound
     # and why.
     notes: tuple[str, ...] = ()
@@ -174,18 +172,6 @@ def with_shapes_noted(all_charts: Sequence[Charts], reshaped: BoolArray) -> list
             charts = replace(charts, notes=(*charts.notes, note))
         noted.append(charts)
     return noted
-
-
-def aligned_charts(all_charts: Sequence[Charts]) -> BoolArray:
-    """(C,) bool: charts whose sides are packed along u and v."""
-    return np.concatenate(
-        [
-            np.zeros(charts.n_charts, dtype=bool)
-            if charts.rectangles is None
-            else charts.rectangles
-            for charts in all_charts
-        ]
-    )
 
 
 _MOST_IMPORTANT = 4.0  # texels per unit of length of white charts, in those of black ones

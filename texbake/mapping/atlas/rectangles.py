@@ -21,7 +21,7 @@ from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.cutting.body import cut_tube_open
 from texbake.mapping.atlas.cutting.parts import Part, connected_parts, split_parts
 from texbake.mapping.atlas.flatten import flatten
-from texbake.mapping.corner_uvs import signed_areas, surface_areas
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.mesh.topology import (
     EdgeGraph,
@@ -39,7 +39,6 @@ _LONGEST = 1.15
 _FEW = 6  # faces of a tube, at least
 _HARD = 0.5  # cosine of the angle between faces at a hard edge, 60° or more
 _FLAT = 0.5  # share of the normals of a ring that do not cancel, at most
-_SLIGHT = 1e-6  # of its bounding box, that a rectangle may leave empty
 _ROUNDING = 1e-9  # of places on a side of a rectangle, as a share of its width
 _LEAST_ASPECT = 1.5  # length of a strip in its widths
 _LEAST_RATIO = 0.5  # of the lengths of opposite sides
@@ -67,7 +66,7 @@ def with_rectangles(
     order = np.argsort(owners, kind="stable")
     sizes = np.bincount(owners, minlength=charts.n_charts)
     groups = np.split(faces[order], np.cumsum(sizes)[:-1])
-    uvs, is_rectangle = charts.uvs.copy(), np.zeros(charts.n_charts, dtype=bool)
+    uvs = charts.uvs.copy()
 
     def lay(first: int, last: int) -> None:
         for chart in range(first, last):
@@ -78,12 +77,11 @@ def with_rectangles(
             if loop is None or corners is None:
                 continue
             found = _rectangle(places[vertices], own, loop, corners, most_l2, least_aspect)
-            uvs[vertices] = layout if found is None else found
-            box = float(np.ptp(uvs[vertices], axis=0).prod())
-            is_rectangle[chart] = signed_areas(uvs[vertices][own]).sum() > (1.0 - _SLIGHT) * box
+            if found is not None:
+                uvs[vertices] = found
 
     run_bands(lay, charts.n_charts, band=1, threads=threads)
-    return replace(charts, uvs=uvs, rectangles=is_rectangle)
+    return replace(charts, uvs=uvs)
 
 
 def tube_charts(surface: ChartSurface, most_l2: float) -> list[tuple[IntArray, Charts]]:

@@ -182,8 +182,9 @@ def place_at_largest_scale(bins: Bins, n_orders: int) -> bool:
 def enlarge(bins: Bins, scale: float, trials: range) -> None:
     """Place charts at larger scales than one that fits, while slightly different orders allow."""
     for trial in trials:
-        while bins.try_scale(scale * (1.0 + _SCALE_STEP), trial):
-            scale *= 1.0 + _SCALE_STEP
+        step = _SCALE_STEP
+        while bins.try_scale(scale * (1.0 + step), trial):
+            scale, step = scale * (1.0 + step), 2.0 * step
 
 
 def _guess_with_padding(bins: Bins, share: float) -> float:

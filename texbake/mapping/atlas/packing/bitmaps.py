@@ -97,6 +97,11 @@ def shapes_of(bitmaps: Bitmaps, half_widths: IntArray, *, turns: int) -> Shapes:
 
 _STEPS_A_FACE = 30  # steps of work to rasterize a face
 _BOX_ANGLES = 90  # angles tried for the least bounding box, one degree apart
+_QUARTER = math.pi / 2.0
+_ONE_DIRECTION = math.radians(2.0)  # between border edges that count as parallel or perpendicular
+_LEAST_SHARE = 0.5  # of its border in one direction, for a chart to lie along it
+_WHOLE = 0.98  # share of the border of a chart that is straight all around
+_WEIGHTS = 2.0**30  # steps of a share of the border, which add up without rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,10 +182,20 @@ class Outlines:
     aligned: BoolArray | None = None  # (C,); charts that are only rotated by quarter turns
 
     def allowed(self, angles: npt.NDArray[np.floating]) -> FloatArray:
-        """(C, K) `angles`, in radians, without those that aligned charts may not have."""
-        if self.aligned is None:
-            return np.repeat(angles[None].astype(np.float64), self.n_charts, axis=0)
-        return np.where(self.aligned[:, None], 0.0, angles)
+        """(C, K) `angles`, in radians, 0 for aligned charts; K = 1 if all charts are."""
+        aligned = np.zeros(self.n_charts, dtype=bool) if self.aligned is None else self.aligned
+        return np.where(aligned[:, None], 0.0, angles[:1] if aligned.all() else angles)
+
+    def along_axes(self, longest: float) -> Outlines:
+        """Rotate charts, so that straight borders lie along u and v, or into their least boxes.
+
+        Charts that are then longer than `longest` are not aligned, unless their whole border is.
+        """
+        angles, shares = border_angles(self)
+        lengths = self.turned(-angles[:, None]).extents[:, 0].max(axis=1)
+        aligned = (shares > _LEAST_SHARE) & ((lengths <= longest) | (shares > _WHOLE))
+        least = least_box_angles(self.uvs, self.chart_ids)
+        return replace(self.upright(np.where(aligned, -angles, least)), aligned=aligned)
 
     @cached_property
     def areas(self) -> FloatArray:
@@ -222,3 +237,32 @@ def least_box_angles(uvs: FloatArray, chart_ids: IntArray) -> FloatArray:
     best = np.zeros(n_charts, dtype=np.int64)
     core.find_least_boxes(uvs[order], starts, pm.cos(angles), pm.sin(angles), best)
     return np.asarray(angles[best])
+
+
+def border_angles(charts: Outlines) -> tuple[FloatArray, FloatArray]:
+    """(C,) radians: direction of most of each chart's border, modulo quarter turns; 0 without one.
+
+    Also returns (C,): share of the border within 2° of that direction or the one across.
+    """
+    edges = charts.drawn[1]
+    steps = charts.uvs[edges[:, 1]] - charts.uvs[edges[:, 0]]
+    lengths = pm.norm(steps, axis=1)
+    edges, steps, lengths = (each[lengths > 0.0] for each in (edges, steps, lengths))
+    owners = charts.chart_ids[edges[:, 0]]
+    borders = np.bincount(owners, lengths, minlength=charts.n_charts)
+    weights = np.rint(lengths / borders[owners] * _WEIGHTS).astype(np.int64)
+    # Each edge twice, a quarter turn apart, for windows of directions on both sides of an axis.
+    turned = pm.arctan2(steps[:, 1], steps[:, 0]) % _QUARTER
+    directions, ids = np.concatenate([turned, turned + _QUARTER]), np.tile(owners, 2)
+    order = np.lexsort((directions, ids))
+    directions, ids = directions[order], ids[order]
+    sums = np.concatenate([[0], np.cumsum(np.tile(weights, 2)[order])])
+    keys = ids * 4.0 + directions
+    shares = sums[np.searchsorted(keys, keys + _ONE_DIRECTION, side="right")] - sums[:-1]
+    with_border, firsts = np.unique(ids, return_index=True)
+    starts = np.lexsort((-shares, ids))[firsts]
+    # The direction of an edge: half of the window points to one side of it, half to the other.
+    middle = np.searchsorted(sums, sums[starts] + shares[starts] // 2, side="right") - 1
+    angles, along = np.zeros(charts.n_charts), np.zeros(charts.n_charts)
+    angles[with_border], along[with_border] = directions[middle], shares[starts] / _WEIGHTS
+    return angles, along

@@ -20,7 +20,7 @@ import numpy as np
 
 from texbake.errors import UnwrapError, counted
 from texbake.mapping.atlas.packing.bins import Bins, enlarge, place_at_largest_scale, place_at_scale
-from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid, least_box_angles
+from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid
 from texbake.mapping.atlas.packing.refine import FinalLayout, RoughLayout, refine_layout
 from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
 from texbake.mapping.atlas.packing.strips import with_wide_strips
@@ -32,8 +32,10 @@ from texbake.records import dataclass
 _MOST_CELLS = 1024  # cells along the longer side of the grid, for few charts
 _CELLS_A_CHART = 12  # along the side of a chart, for many
 
+_LEAST_FILL = 0.6  # charts too long for it, if they lay along u or v, may lie aslant
 _MANY_CHARTS = 1024
-_MOST_ORDERED, _MOST_ORDERS = 256, 32  # charts times orders, and orders, that are tried
+_MOST_ORDERED = 256  # charts times orders that are tried
+_MOST_ORDERS = {"fast": 3, "good": 32, "best": 32}
 _FEW_ORDERS = 4  # that are tried before a search
 _MOST_SEARCHED = 768  # charts; the work of a search grows with the square of their number
 _MOST_COARSE = 300  # charts that a coarse grid represents well enough
@@ -107,7 +109,6 @@ def pack_charts(
     tile_groups: IntArray | None = None,
     density: float | None = None,
     unit: float = 1.0,
-    aligned: BoolArray | None = None,
     reshape: bool = False,
     threads: int | None = None,
 ) -> Packing:
@@ -115,21 +116,21 @@ def pack_charts(
 
     `uvs` (T, 2), one unit of which is `unit` model units; `chart_ids` (T,); `size`: columns and
     rows; `tiles`: textures, per group of `tile_groups` (C,); `density`: texels per model unit, None
-    for the largest; `aligned` (C,): charts with quarter turns only; `reshape`: widen thin strips.
+    for the largest; `reshape`: widen thin strips.
     """
     n_charts = int(chart_ids.max()) + 1
-    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts, aligned=aligned)
-    angles = least_box_angles(uvs, chart_ids)
-    charts = charts.upright(angles if aligned is None else np.where(aligned, 0.0, angles))
+    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
     n_groups = int(groups.max()) + 1
     check_tiles(n_groups, tiles, name)
+    scale = density * unit if density is not None else _least_scale(charts, size, tiles * n_groups)
+    charts = charts.along_axes(max(size) / scale)
     reshaped = np.zeros(n_charts, dtype=np.bool_)
     if reshape and density is None:
         charts, reshaped = with_wide_strips(charts, size, padding, tiles * n_groups)
     grid = PackingGrid.over(size, padding, most_cells=_most_cells(size, n_charts))
     bins = Bins(charts, grid, groups, tiles)
-    n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS) if effort != "fast" else 0
+    n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS[effort])
     searched = (
         effort != "fast"
         and density is None
@@ -254,6 +255,12 @@ def _best(find: Callable[[Any], Any], items: Sequence[Any], threads: int | None)
     run_bands(run, len(items), band=1, threads=threads)
     # Equally good ones stay in order, whichever was finished first.
     return sorted(filter(None, results), key=lambda result: -result.scale)
+
+
+def _least_scale(charts: Outlines, size: tuple[int, int], n_tiles: int) -> float:
+    """Texels per unit at which charts fill the tiles as far as they should at least."""
+    texels = _LEAST_FILL * size[0] * size[1] * n_tiles
+    return math.sqrt(texels / (float(charts.areas.sum()) or 1.0))
 
 
 def _squares(bins: Bins) -> float:

@@ -76,7 +76,10 @@ def with_wide_strips(
     wider = width / (widths[strips] * scale)
     factors[strips] = np.minimum(np.stack([most[:, 0], wider], axis=1), most)
     reshaped: BoolArray = (factors != 1.0).any(axis=1)
-    return replace(charts, uvs=charts.uvs * factors[charts.chart_ids]), reshaped
+    # Exactly along u or v, triangles thinner than a texel could lie between its centers.
+    free = None if charts.aligned is None else charts.aligned & ~strips
+    uvs = charts.uvs * factors[charts.chart_ids]
+    return replace(charts, uvs=uvs, aligned=free), reshaped
 
 
 def _boxes(charts: Outlines) -> FloatArray:
