@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -469,7 +470,7 @@ def test_triangles_become_fewer_until_a_target_size_fits(monkeypatch):
             light_model=model,
             materials=materials,
             n_bytes=50_000 if n_faces < 800 else 200_000,
-            db=float(n_faces),
+            measure=partial(float, n_faces),
         )
 
     monkeypatch.setattr(Budget, "_trial", made)

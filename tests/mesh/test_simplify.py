@@ -10,7 +10,7 @@ from tests.models import BROKEN, HAS_REAL, joined, level_surface, model, moved, 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import join_meshes
-from texbake.mesh.decimate import gather, weld_corners, weld_positions
+from texbake.mesh.decimate import gather, shading_length, weld_corners, weld_positions
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded, with_normals
 from texbake.mesh.mesh import Mesh
@@ -366,7 +366,7 @@ def bent_panels(is_cut):
 def test_where_normals_count_a_bevel_keeps_its_edges(is_cut):
     mesh, off = bent_panels(is_cut), []
     wanted = mesh.normals[mesh.normal_faces].mean(axis=1)
-    for shades in (False, True):
+    for shades in (0.0, shading_length(mesh)):
         low, _ = simplify_with_report(mesh, 100, quality="best", seams="keep", shades=shades)
         if shades:
             assert rows(low.normals) <= rows(mesh.normals)
@@ -476,7 +476,7 @@ def test_walls_between_cubes_come_apart(quality):
     assert report.notes[0] == CUT and not report.is_whole
     assert report.distance.max < 2.0
     # Where no part may be dropped, nothing is cut either.
-    kept, report = simplify_with_report(mesh, 1000, quality=quality, shades=True)
+    kept, report = simplify_with_report(mesh, 1000, quality=quality, shades=shading_length(mesh))
     assert kept.n_faces > 1000 and CUT not in report.notes
 
 

@@ -21,6 +21,7 @@ from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
 from texbake.mapping.options import DEFAULT_PADDING, UnwrapOptions
 from texbake.mapping.overlap import is_atlas, layout_notes
 from texbake.mesh.compose import excerpt
+from texbake.mesh.decimate import shading_length
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals, has_hard_edges, with_normals
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
@@ -204,8 +205,8 @@ class Source:
                 partition = MaterialPartition.of(high, file)
                 enlarged = EnlargedParts.of(partition.mesh, threads=threads)
                 low, report = simplify_with_report(
-                    enlarged.mesh, n_faces, quality=options.quality, seams="keep", shades=True,
-                    threads=threads, progress=self.progress,
+                    enlarged.mesh, n_faces, quality=options.quality, seams="keep",
+                    shades=shading_length(high), threads=threads, progress=self.progress,
                 )  # fmt: skip
                 low, report = enlarged.restored(low, report, threads=threads)
                 low, kept = partition.restored(low, high)

@@ -86,13 +86,13 @@ def reduced(
     options: SimplifyOptions,
     threads: int | None,
     *,
-    shades: bool = False,
+    shades: float = 0.0,
     gives_up: bool = True,
 ) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
-    If it `gives_up`, seams and parts may go. If it `shades`, changes of normals count, vertices
-    keep their places and no part is dropped.
+    If it `gives_up`, seams and parts may go. With `shades`, a length, changes of normals
+    count, a radian as much as it; vertices keep their places and no part is dropped.
     """
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)

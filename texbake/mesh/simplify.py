@@ -168,7 +168,7 @@ def simplify_with_report(
     quality: str = SimplifyOptions.quality,
     seams: str = SimplifyOptions.seams,
     source: ReducedMesh | None = None,
-    shades: bool = False,
+    shades: float = 0.0,
     progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
@@ -236,7 +236,7 @@ def check_count(
 
 
 def _simplified(
-    mesh: Mesh, options: SimplifyOptions, stages: Stages, threads: int | None, shades: bool = False
+    mesh: Mesh, options: SimplifyOptions, stages: Stages, threads: int | None, shades: float = 0.0
 ) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
     n_faces, limit = options.n_faces, error_limit(options.error, mesh.diagonal)
