@@ -130,6 +130,8 @@ def pack_charts(
         charts, reshaped = with_wide_strips(charts, size, padding, tiles * n_groups)
     grid = PackingGrid.over(size, padding, most_cells=_most_cells(size, n_charts))
     bins = Bins(charts, grid, groups, tiles)
+    if grid.width <= 0 or grid.height <= 0:
+        raise UnwrapError(_does_not_fit(bins, size, padding, name))
     n_orders = min(_MOST_ORDERED // n_charts, _MOST_ORDERS[effort])
     searched = (
         effort != "fast"
@@ -140,8 +142,6 @@ def pack_charts(
         and bool(bins.areas.sum() > 0.0)
         and _squares(bins) <= _MOST_SQUARES
     )
-    if grid.width <= 0 or grid.height <= 0:
-        raise UnwrapError(_does_not_fit(bins, size, padding, name))
     n_first = min(n_orders, _FEW_ORDERS) if searched else n_orders
     if density is not None:
         if not place_at_scale(bins, density * unit / grid.cell, n_orders):
