@@ -2,7 +2,8 @@
 
    An edge of vertices u and v collapses where their neighbors in common are just the vertices
    opposite to it (the link condition), a boundary stays a boundary, each side of a seam has a
-   counterpart at v, and no face flips. What is not a surface around a vertex keeps that vertex.
+   counterpart at v, and no face flips or loses its area. What is not a surface around a vertex keeps
+   that vertex.
 
    Based on: Dey, Edelsbrunner, Guha, Nekhayev, "Topology preserving edge contraction", Publications
    de l'Institut Mathématique 66, 1999 (the link condition); Hoppe, "New quadric metric for
@@ -14,6 +15,12 @@
 
 #include <math.h>
 #include <string.h>
+
+#include "numbers.h"
+
+/* Height of a face on its longest edge, next to the length of that, below which no collapse brings it:
+   where three vertices lie on a crease but for rounding, the turn of the face between them says nothing. */
+static const double FLATTEST = 1e-3;
 
 /* Whether the walk from each corner of a vertex to the one whose next vertex is its previous one
    comes back after all of them. */
@@ -261,7 +268,23 @@ static bool link_allows(
     return true;
 }
 
-/* Whether the faces at some corners keep their side when those corners move to a place. */
+static inline double longest(struct vector a, struct vector b, struct vector c)
+{
+    return max_f64(dot(a, a), max_f64(dot(b, b), dot(c, c)));
+}
+
+/* Whether a face becomes flatter than `FLATTEST` and than it was: from the cross product of two sides
+   and the longest squared side, afterwards and before. */
+static inline bool gets_flat(
+    struct vector after, double longest_after, struct vector before, double longest_before)
+{
+    const double size = dot(after, after);
+    return size < FLATTEST * FLATTEST * longest_after * longest_after
+        && size * longest_before * longest_before
+        < dot(before, before) * longest_after * longest_after;
+}
+
+/* Whether the faces at some corners keep their side and an area when those corners move to a place. */
 static bool sides_stay(
     const struct collapsible_mesh *mesh, int32_t vertex, struct corners around, int32_t other,
     struct vector place)
@@ -272,13 +295,16 @@ static bool sides_stay(
         const int32_t previous = vertex_after(mesh, around.corners[i], 2);
         if (next == other || previous == other)
             continue;
-        const struct vector a = vector_at(mesh->points[next]);
-        const struct vector ab = minus(vector_at(mesh->points[previous]), a);
+        const struct vector a = vector_at(mesh->points[next]), b = vector_at(mesh->points[previous]);
+        const struct vector ab = minus(b, a);
         const struct vector before = cross(ab, minus(from, a)), after = cross(ab, minus(place, a));
         const double sizes = dot(before, before) * dot(after, after), cosine = dot(before, after);
         if (sizes == 0.0 ? dot(before, before) > 0.0
                          : cosine <= 0.0
-                    || cosine * cosine < mesh->least_cosine * mesh->least_cosine * sizes)
+                    || cosine * cosine < mesh->least_cosine * mesh->least_cosine * sizes
+                    || gets_flat(
+                        after, longest(ab, minus(place, a), minus(place, b)), before,
+                        longest(ab, minus(from, a), minus(from, b))))
             return false;
     }
     return true;

@@ -14,7 +14,8 @@
 
    Errors are divided by the root of the area that they are summed over. That is between the order of
    their sums, in which a hand or an ear goes early because its area is small, and that of their means.
-   Near the end, the greatest distance of the vertices that are gone from the faces around is added.
+   Near the end, the greatest distance of the vertices that are gone from the faces around is added, and
+   where vertices move that of new edges from the faces before.
    Measured on 19 meshes, this brings both the greatest and the RMS distance down; a greater or smaller
    share of either makes one of the two larger and neither smaller.
 
@@ -503,7 +504,7 @@ static double cost_of_places(
     s->is_measured[u] = true;
     const double weight = weight_of(&s->quadrics[u]) + weight_of(&s->quadrics[v]);
     return PLACES_WEIGHT * sqrt(weight)
-        * distance_of_places(&s->mesh, &s->places, s->vertex_ids, u, v, place);
+        * distance_of_places(&s->mesh, &s->places, s->vertex_ids, u, v, place, s->moves);
 }
 
 /* Let the normals of u become those of v. */

@@ -234,7 +234,7 @@ void share_places(
     int32_t vertex, int32_t half);
 double distance_of_places(
     const struct collapsible_mesh *mesh, const struct carried_places *places,
-    const int32_t *vertex_ids, int32_t u, int32_t v, struct vector meeting);
+    const int32_t *vertex_ids, int32_t u, int32_t v, struct vector meeting, bool with_edges);
 
 /* normal_quadrics.c */
 

@@ -324,6 +324,8 @@ def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Red
             max(distance, _NO_DISTANCE * mesh.diagonal)
             for distance in _compared_distance(mesh, result.mesh, threads)
         )
-        return beyond, rms * rms * most
+        # Where surfaces were cut, halves that stay where they are touch along edges.
+        touching = _ABOUT_AS_CLOSE if CUT in result.notes and result is fast else 1.0
+        return beyond, touching * rms * rms * most
 
     return min((fast, moved_result), key=order)
