@@ -107,8 +107,9 @@ def test_the_surface_stays_sound(mesh):
     )
 
 
-def test_simplification_keeps_the_edges():
-    low = sharp(BOX, n_faces=100, quality="best")
+@pytest.mark.parametrize("quality", ["fast", "best"])
+def test_simplification_keeps_the_edges(quality):
+    low = sharp(BOX, n_faces=100, quality=quality)
     assert low.n_faces <= 100
     distance = surface_distance(BOX, low)
     assert distance.rms / (np.ptp(BOX.positions, axis=0).max() / N) < 0.1
