@@ -11,7 +11,7 @@ from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges, seam_length
 from texbake.mesh.mesh import Mesh
-from texbake.mesh.shapes import cube, icosphere, plane
+from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.symmetry import MirrorPlane
 from texbake.mesh.topology import opposite_half_edges
 
@@ -118,15 +118,47 @@ def test_seams_are_cheap_where_little_light_comes():
     assert 1.5 * hidden[bottom].mean() < hidden[rim].mean()
 
 
-def test_a_surface_turns_at_bumps_and_not_where_it_is_flat():
+def test_a_surface_turns_at_bumps_and_not_where_it_is_flat_or_creased():
     bumps = plane(
         48, 48, lambda x, y: np.where(x < 0.4, 0.02 * np.sin(60.0 * x) * np.sin(60.0 * y), 0.0)
     )
     surface = surface_of(bumps)
     x = surface.points[bumps.faces].mean(axis=1)[:, 0]
-    turning = turning_of(surface.points, surface.corners)
-    assert turning[x < -0.2].mean() > 0.2
-    assert turning[x > 0.1].max() < 1e-6
+    _, bent, turning = turning_of(surface.points, surface.corners)
+    assert bent[x < -0.2].mean() > 0.2 and turning[x < -0.2].mean() > 0.1
+    assert max(bent[x > 0.1].max(), turning[x > 0.1].max()) < 1e-6
+    # A crease turns in one direction only.
+    edge = surface_of(plane(48, 48, lambda x, y: 1.2 * np.abs(x - 0.5)))
+    _, bent, turning = turning_of(edge.points, edge.corners)
+    assert bent.max() > 0.1
+    assert turning.max() < 1e-4  # the square root of the rounding of points to the grid
+
+
+def face_at(direction, size):
+    """A ball whose `direction` shows bumps: the eyes and nose of a face, mirrored about x = 0."""
+
+    def radius(theta, phi):
+        x, y, z = np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
+        ahead = y * direction[1] + z * direction[2]
+        bumps = np.cos(14.0 * x) * np.cos(14.0 * (y * direction[2] - z * direction[1]))
+        return 1.0 + size * bumps * np.clip(3.0 * (ahead - 0.6), 0.0, 1.0)
+
+    return uv_sphere(48, 96, radius)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0, -1, 0), (0, 0.6, -0.8)])
+@pytest.mark.parametrize("is_known", [True, False], ids=["plane", "no plane"])
+def test_seams_cost_most_in_front(direction, is_known):
+    plain, seen = (surface_of(face_at(direction, size)) for size in (0.0, 0.12))
+    middle = MirrorPlane(np.array([1.0, 0.0, 0.0]), 0.0, 0.0) if is_known else None
+    alike, weights = (
+        edge_weights(each, hide=0.5, plane=middle).mean(axis=1) for each in (plain, seen)
+    )
+    ahead = seen.points[seen.faces].mean(axis=1) @ direction / 0.5
+    # Around the bumps, not on them, which cost more anyway.
+    near, back = (ahead > 0.3) & (ahead < 0.5), ahead < -0.3
+    assert weights[near].mean() > 1.5 * weights[back].mean()
+    assert alike[near].mean() == pytest.approx(alike[back].mean(), rel=0.02)
 
 
 def test_a_border_moves_to_the_mirror_image_of_that_of_the_other_half():

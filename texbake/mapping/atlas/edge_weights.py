@@ -1,9 +1,10 @@
 """Costs of seams per unit of length: low along edges where a seam is hard to see.
 
 Seams cost little along hard edges, beveled or not, and where little ambient light comes, as in
-creases, below chins and between fingers. They cost much within planes, and where the surface turns
-in all directions, as at faces and ears; none runs within a polygon. Rays from a sample of the
-vertices measure how open their surroundings are; other vertices get the mean of those nearby.
+creases, below chins and between fingers. They cost much within planes, where the surface turns in
+all directions, as at faces and ears, and on the front, the side that most of such detail faces;
+none runs within a polygon. Rays from a sample of the vertices measure how open their surroundings
+are; other vertices get the mean of those nearby.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.symmetry import MirrorPlane
 from texbake.raycast.rays import OPEN, Hemispheres, OcclusionRange, direction_sets, mixed
 from texbake.raycast.scene import RayScene
 
@@ -36,18 +38,30 @@ _HIDDEN, _OPEN = 0.3, 4.0
 _MILD, _LEAST = 6.0, 0.1
 
 # Cells, along the longest side, whose mean normal shows how much the surface turns: of length 1
-# where it is flat. Between these shortfalls, edges become `_DETAILED` times as dear.
+# where it is flat. Between these amounts, edges become `_DETAILED` times as dear.
 _CELLS = 32
 _PLAIN, _DETAIL = 0.1, 0.5
 _DETAILED = 8.0
 _SHADED = 0.6  # openness, relative to its mean, up to which no detail shows
 
+# Edges that face the front are this many times as dear, if the front is clear: if most of the
+# detail in the light faces it, by the length of the mean normal of the detail.
+_FRONTAL = 16.0
+_NO_FRONT, _CLEAR_FRONT = 0.25, 0.4
+_BESIDE = 0.5  # distance from the mirror plane, in greatest ones, from which nothing has a front
 
-def edge_weights(surface: ChartSurface, *, hide: float = 0.0, joined: bool = True) -> FloatArray:
+
+def edge_weights(
+    surface: ChartSurface,
+    *,
+    hide: float = 0.0,
+    joined: bool = True,
+    plane: MirrorPlane | None = None,
+) -> FloatArray:
     """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons.
 
     `hide`: influence of openness, 0 to 1; `joined`: charts will be joined, so that seams across
-    details, which cost more, can go.
+    details and down the front, which cost more, can go; `plane`: of a symmetric surface.
     """
     corners, solid, opposite = surface.joints
     bevels = surface.bevels
@@ -59,7 +73,7 @@ def edge_weights(surface: ChartSurface, *, hide: float = 0.0, joined: bool = Tru
     if hide > 0.0 and len(edges):
         along = _along(_openness(surface, corners, solid), corners)
         if joined:
-            seen = _seen(along, _detail(surface, soft), hide)
+            seen = _seen(surface, along, soft, hide, plane)
             steps = surface.points[np.roll(corners, -1, axis=1)] - surface.points[corners]
             lengths = pm.norm(steps.reshape(-1, 3), axis=1)
             weights *= seen * float(lengths.sum() / (lengths * seen).sum())
@@ -79,37 +93,81 @@ def _along(openness: FloatArray, corners: IntArray) -> FloatArray:
     return np.asarray(along / (float(along.mean()) or 1.0))
 
 
-def _seen(along: FloatArray, detail: FloatArray, hide: float) -> FloatArray:
-    """(3 F,) weights of edges by how open and detailed their surroundings are."""
+def _seen(
+    surface: ChartSurface,
+    along: FloatArray,
+    soft: FloatArray,
+    hide: float,
+    plane: MirrorPlane | None,
+) -> FloatArray:
+    """(3 F,) weights of `soft` edges: by openness `along` them, detail nearby, and the front."""
     lit = np.clip((along - _SHADED) / (1.0 - _SHADED), 0.0, 1.0)
+    means, bent, shown = _turning(surface.points, surface.corners)
+    front = _front(surface, shown**2 * lit.reshape(-1, 3).mean(axis=1), plane)
+    # Where there is a front, its features count, and bends such as rims do not.
+    turned = _at_edges(surface, shown if front.any() else bent)
+    detail = np.clip((turned - _PLAIN) / (_DETAIL - _PLAIN), 0.0, 1.0) * soft
     logs = _EXPONENT * pm.log(np.maximum(along, _HIDDEN)) + float(pm.log(_DETAILED)) * detail * lit
-    return np.clip(pm.exp(hide * logs), _HIDDEN, _OPEN)
+    frontal = _at_edges(surface, np.maximum(pm.matmul(means, front), 0.0)) * soft
+    seen = np.clip(pm.exp(hide * logs), _HIDDEN, _OPEN)
+    return np.asarray(seen * pm.exp(hide * float(pm.log(_FRONTAL)) * frontal))
 
 
-def _detail(surface: ChartSurface, soft: FloatArray) -> FloatArray:
-    """(3 F,) from 0 to 1 where the surface turns near edges, as far as these are `soft`."""
+def _at_edges(surface: ChartSurface, values: FloatArray) -> FloatArray:
+    """(3 F,) means of the values (F,) of the faces at each edge."""
     opposite = surface.joints[2]
-    turned = np.repeat(_turning(surface.points, surface.corners), 3)
-    turned = (turned + turned[np.where(opposite >= 0, opposite, np.arange(len(opposite)))]) / 2.0
-    return np.asarray(np.clip((turned - _PLAIN) / (_DETAIL - _PLAIN), 0.0, 1.0) * soft)
+    owned = np.repeat(values, 3)
+    return (owned + owned[np.where(opposite >= 0, opposite, np.arange(len(opposite)))]) / 2.0
 
 
-def _turning(points: FloatArray, corners: IntArray) -> FloatArray:
-    """(F,) how much the surface turns near each face: 0 where it is flat, at most 1."""
+def _front(surface: ChartSurface, shown: FloatArray, plane: MirrorPlane | None) -> FloatArray:
+    """(3,) direction that most detail faces, of which each face shows (F,) some; 0 if unclear.
+
+    The length, at most 1, says how clear it is.
+    """
+    corners = surface.points[surface.corners]
+    if plane is not None:  # detail far from it, such as ears, faces sideways
+        heights = np.abs(plane.heights(corners.mean(axis=1)))
+        shown = shown * np.maximum(1.0 - heights / (_BESIDE * float(heights.max()) or 1.0), 0.0)
+    normals = face_crosses(surface.points, surface.corners)
+    total = float((pm.norm(normals, axis=1) * shown).sum())
+    front: FloatArray = (normals * shown[:, None]).sum(axis=0) / (total or 1.0)
+    if plane is not None:
+        front = front - float(pm.vecdot(front, plane.normal)) * plane.normal
+    length = float(pm.norm(front))
+    share = np.clip((length - _NO_FRONT) / (_CLEAR_FRONT - _NO_FRONT), 0.0, 1.0)
+    return np.asarray(front * (share / (length or 1.0)))
+
+
+def _turning(points: FloatArray, corners: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """(F, 3) mean normal near each face; (F,) how much it turns, and how much in all directions.
+
+    With the variances a, b and c of the normals along their principal axes, the latter is
+    √(ab + bc + ca): 0 along a straight edge, and a quarter of the squared radius of a small cap.
+    """
     centers = points[corners].mean(axis=1)
     low = centers.min(axis=0)
     size = float(np.ptp(centers, axis=0).max())
     n = _CELLS + 2  # empty ones around them
     cells = np.minimum((centers - low) * (_CELLS / (size or 1.0)), _CELLS - 1).astype(np.int64) + 1
     keys = (cells[:, 0] * n + cells[:, 1]) * n + cells[:, 2]
-    normals = face_crosses(points, corners)
-    values = np.concatenate([normals.T, pm.norm(normals, axis=1)[None]])
+    crosses = face_crosses(points, corners)
+    areas = np.maximum(pm.norm(crosses, axis=1), 1e-30)
+    normals = crosses / areas[:, None]
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+    values = [areas, *crosses.T, *(crosses[:, i] * normals[:, j] for i, j in pairs)]
     counted = np.stack([np.bincount(keys, each, n**3) for each in values])
-    sums: FloatArray = counted.reshape(4, n, n, n).astype(np.float64)
+    sums: FloatArray = counted.reshape(-1, n, n, n).astype(np.float64)
     for axis in (1, 2, 3):
         sums = 2.0 * sums + np.roll(sums, 1, axis) + np.roll(sums, -1, axis)
-    x, y, z, areas = sums.reshape(4, -1)[:, keys]
-    return np.asarray(1.0 - np.sqrt(x * x + y * y + z * z) / np.maximum(areas, 1e-30))
+    found = sums.reshape(len(values), -1)[:, keys]
+    x, y, z = found[1:4]
+    bent = 1.0 - np.sqrt(x * x + y * y + z * z) / np.maximum(found[0], 1e-30)
+    found = found[1:] / np.maximum(found[0], 1e-30)
+    means = found[:3]
+    (xx, yy, zz), (xy, yz, zx) = found[3:6] - means**2, found[6:] - means * np.roll(means, -1, 0)
+    squares = xx * yy + yy * zz + zz * xx - xy**2 - yz**2 - zx**2
+    return np.ascontiguousarray(means.T), bent, np.sqrt(np.maximum(squares, 0.0))
 
 
 def _openness(surface: ChartSurface, corners: IntArray, solid: BoolArray) -> FloatArray:

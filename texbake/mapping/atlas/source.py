@@ -74,8 +74,10 @@ class ChartSource:
     @cached_property
     def weights(self) -> FloatArray:
         """(F, 3) costs of seams along edges."""
+        halves = self.halves if self.joined and self.hide_seams > 0.0 else None
+        plane = None if halves is None else halves.plane
         with self.stages.stage("weigh edges"):
-            return edge_weights(self.surface, hide=self.hide_seams, joined=self.joined)
+            return edge_weights(self.surface, hide=self.hide_seams, joined=self.joined, plane=plane)
 
     @cached_property
     def halves(self) -> Halves | None:

@@ -12,13 +12,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
+import numpy as np
+
 from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
 from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
-# A chart in the middle may be larger by this factor: two halves would need one more seam.
-_MIDDLE = 2.5
+# A chart in the middle may be larger by this factor: two halves would need one more seam. It may be
+# larger still where that seam would cost as much as elsewhere or more, as down the front.
+_MIDDLE, _MIDDLE_IN_FRONT = 2.5, 5.0
+_DEAR, _MOST_WEIGHT = 1.0, 16.0
 # Factor on the cost of joining a piece and its counterpart, whose seam would run down the middle.
 _PAIR_COST = 0.3
 
@@ -78,7 +82,9 @@ def find_planned_merge(
 ) -> ChartMerge | None:
     """Flatten the unions of a plan; None if one of the joins is impossible."""
     if plan.counterpart == "self":
-        scale = replace(scale, chart_area=_MIDDLE * scale.chart_area)
+        is_dear = _seam_cost([pieces[index] for index in plan.members], opposite, weights) >= _DEAR
+        factor = _MIDDLE_IN_FRONT if is_dear else _MIDDLE
+        scale = replace(scale, chart_area=factor * scale.chart_area)
     merges: list[ChartMerge] = []
     unions = []
     for group in plan.groups:
@@ -99,6 +105,13 @@ def find_planned_merge(
         share=sum(merge.share for merge in merges),
         factor=_PAIR_COST if len(merges) == 1 and plan.counterpart == "self" else 1.0,
     )
+
+
+def _seam_cost(pieces: list[ChartPiece], opposite: IntArray, weights: FloatArray) -> float:
+    """Mean weight of the edges at which pieces meet."""
+    borders = np.concatenate([piece.border for piece in pieces])
+    met = borders[np.isin(opposite[borders], borders)]
+    return float(np.minimum(weights[met], _MOST_WEIGHT).mean()) if len(met) else 0.0
 
 
 def relax_planned_merge(

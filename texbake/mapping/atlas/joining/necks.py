@@ -47,7 +47,8 @@ def divide_at_necks(
     """Divide a piece until it does not overlap and no neck gains enough.
 
     `weights` (F, 3): cost of a seam for each unit of length; `least_gain`: empty area saved, in
-    units of the length of the cut times `side`; `plane`: cuts are followed by their mirror images.
+    units of `side` times the length of the cut, or its cost if that is more; `plane`: cuts are
+    followed by their mirror images.
     """
     done: list[ChartPiece] = []
     left = [piece]
@@ -243,15 +244,21 @@ class _PieceGraph:
         self._opposite = opposite_half_edges(piece.faces)
 
     def sides(self, start: int, end: int) -> tuple[BoolArray, float, FloatArray] | None:
-        """(m,) sides of faces about the shortest path between two vertices; its length, points."""
+        """(m,) sides of faces about the cheapest path between two vertices; its length, points.
+
+        The length is the cost of the path where that is more.
+        """
         piece = self._piece
-        path = path_back(self._graph.paths_from(end, start)[1], start)
+        costs, before = self._graph.paths_from(end, start)
+        path = path_back(before, start)
         if path[-1] != end:
             return None
         steps = np.array(path)
         sides = self._sides_of(steps)
         length = float(pm.norm(piece.points[steps[1:]] - piece.points[steps[:-1]], axis=1).sum())
-        return None if sides.all() else (sides, length, piece.points[steps])
+        return (
+            None if sides.all() else (sides, max(length, float(costs[start])), piece.points[steps])
+        )
 
     def sides_near(
         self, starts: IntArray, ends: IntArray, path: FloatArray, plane: MirrorPlane
