@@ -114,6 +114,19 @@ def test_the_high_poly_mesh_has_its_own_normal_maps(tmp_path, placing):
     assert comparison.mapped.mean_deg < 0.3
     other = compare(plane(), plane(), high_materials=materials.only(()), options=FRONT)
     assert other.bare.mean_deg == 0.0
+    # The same in two materials, which also have colors.
+    paints = tuple(
+        MeshMaterial(
+            name=name, channels={"normal": source, "base-color": ChannelSource(color, None)}
+        )
+        for name, color in (("red", (1.0, 0.0, 0.0)), ("blue", (0.0, 0.0, 1.0)))
+    )
+    both = Materials(face_materials=np.array([0, 1], np.int32), materials=paints)
+    colored = compare(
+        plane(), plane(), high_materials=both, low_materials=both, options=FRONT, views=[(0, 0)]
+    )
+    assert colored.mapped.psnr_db == math.inf and colored.mapped.mean_deg == 0.0
+    np.testing.assert_allclose(colored.bare.mean_deg, comparison.bare.mean_deg, rtol=1e-6)
 
 
 def test_pixels_that_see_one_mesh_alone_are_counted_apart():
@@ -135,6 +148,32 @@ def test_other_parts_seen_past_an_outline_are_counted_apart():
     assert comparison.bare.outline_mismatch + comparison.bare.depth_mismatch == 1.0
     assert comparison.bare.depth_mismatch > 0.7  # the far plane looks smaller
     assert not np.isfinite(comparison.angles_deg).any()
+
+
+def painted(color):
+    source = ChannelSource(color, None)
+    return Materials(
+        face_materials=np.zeros(2, np.int32),
+        materials=(MeshMaterial(name="paint", channels={"base-color": source}),),
+    )
+
+
+def test_models_are_compared_in_their_own_colors():
+    red, blue = painted((1.0, 0.0, 0.0)), painted((0.0, 0.0, 1.0))
+
+    def figures(**changes):
+        found = compare(plane(), plane(), options=FRONT, views=[(0, 0)], **changes)
+        return found.maps, found.mapped.psnr_db, found.bare.psnr_db
+
+    assert figures(high_materials=red, low_materials=red) == (("materials",), math.inf, math.inf)
+    maps, other, bare = figures(high_materials=red, low_materials=blue)
+    assert maps == ("materials",) and other < 10.0 and bare == math.inf
+    # A color map is compared with the colors of the model, whose highlights are less sharp.
+    image = np.full((2, 2, 3), (1.0, 0.0, 0.0), np.float32)
+    maps, same, bare = figures(high_materials=red, albedo=image)
+    assert (maps, bare) == (("color map",), math.inf) and same > 35.0
+    assert figures(low_materials=blue) == ((), math.inf, math.inf)
+    assert figures(high_materials=red) == ((), math.inf, math.inf)
 
 
 @pytest.mark.parametrize("quick", [False, True])

@@ -71,7 +71,7 @@ def open_preview(
         chosen = replace(RenderOptions(), **changes)
         with parsed_once():
             mesh = read_mesh(path, progress=progress)
-            materials = None if as_mesh else _materials(path, mesh)
+            materials = None if as_mesh else shown_materials(path, mesh)
         if materials is None:
             scene = studio_scene(mesh, **files, space=space, options=chosen)
             return scene, _exposing(chosen)
@@ -86,7 +86,7 @@ def open_preview(
     return lit, options_of_scene if lit is scene else _exposing(options_of_scene)
 
 
-def _materials(path: PathLike, mesh: Mesh) -> Materials | None:
+def shown_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     """Return the materials of a mesh file, or the colors of its vertices; None without either."""
     if mesh.colors is None and Path(path).suffix.lower() in _WITHOUT_MATERIALS:
         return None

@@ -33,7 +33,7 @@ from texbake.rendering.options import RenderOptions
 from texbake.rendering.panels import Panel, color_angles, sheets, side_by_side
 from texbake.rendering.resolve import Frame, expose
 from texbake.rendering.scene.scene import Scene
-from texbake.rendering.studio import studio_scene
+from texbake.rendering.studio import lit_by_studio, studio_scene
 from texbake.texture.encoding import encode_srgb
 from texbake.texture.image import FloatImage
 
@@ -136,6 +136,7 @@ def compare(
     displacement: MapSource | None = None,
     albedo: MapSource | None = None,
     high_materials: Materials | None = None,
+    low_materials: Materials | None = None,
     options: RenderOptions | None = None,
     views: Sequence[tuple[float, float]] | None = None,
     quick: bool = False,
@@ -149,11 +150,14 @@ def compare(
     high, low
         The meshes, in the same coordinate system.
     normal_map, displacement, albedo
-        Maps of the low-poly mesh; see `texbake.rendering.render.render`. All meshes are shaded
-        with the base color of the options, except that the mapped mesh uses `albedo` if it is
-        given.
+        Maps of the low-poly mesh; see `texbake.rendering.render.render`.
     high_materials
         Materials of the high-poly mesh, whose normal maps bend its normals; None if it has none.
+        It shows all of them to the mapped mesh if that has an `albedo` or materials; all other
+        meshes are shaded with the base color of the options.
+    low_materials
+        Materials of the low-poly mesh, in place of its maps if there are none; only their normal
+        maps if the high-poly mesh has no materials.
     options
         Size and view of the pictures. Angles are measured at the centers of as many pixels. Unless
         `back_faces` is given, back faces are shown if the low-poly mesh is open or inside out.
@@ -183,23 +187,16 @@ def compare(
     if not views:
         raise OptionError("views: the list is empty; give at least one azimuth and elevation")
     stages = Stages(progress)
-    maps: dict[str, Any] = {
-        "normal_map": normal_map,
-        "albedo": albedo,
-        "displacement": displacement,
-    }
-    uses = _uses({name: source for name, source in maps.items() if source is not None})
+    given = {"normal_map": normal_map, "albedo": albedo, "displacement": displacement}
+    maps = {name: source for name, source in given.items() if source is not None}
     # Shade every sample, so that detail finer than a pixel contributes fully.
     most = min(options.max_triangles, _MOST_PIECES)
     options = replace(options, edges="supersample", filter="bilinear", max_triangles=most)
     with stages.stage("prepare"):
-        scenes = [_with_normal_maps(studio_scene(high, options=options), high_materials)]
-        # A displaced mesh is subdivided to the texels of its map, once for all views.
-        scenes += [studio_scene(low, options=options, edge_px=None, **use) for use in uses]
+        plain, scenes, names = _scenes(high, low, maps, (high_materials, low_materials), options)
         # Pictures of two sizes share everything that does not depend on the size.
         models = [prepare(scene, options, threads=threads) for scene in scenes]
         sphere = Camera.sphere_around(high, low)
-
     with stages.stage("pictures"):
         frames, pictured = _draw_models(models, (high, low), sphere, options, at_once=False)
     errors = [pictured]
@@ -213,9 +210,16 @@ def compare(
                 advance(1)
     with stages.stage("similarity"):
         seen = [(encode_srgb(frame.color[..., :3]), frame.coverage > 0) for frame in frames]
+        highs = [seen[0]] * (len(seen) - 1)
+        if plain is not None:
+            model = prepare(plain, options, threads=threads)
+            frame = draw(model, Camera.framing_sphere(*sphere, options))
+            highs[0] = encode_srgb(frame.color[..., :3]), frame.coverage > 0
         bare, *others = (
-            measure_closeness(found, seen[0], low, ssim=not quick, threads=threads)
-            for found, low in zip(zip(*errors, strict=True), seen[1:], strict=True)
+            measure_closeness(found, seen_high, seen_low, ssim=not quick, threads=threads)
+            for found, seen_high, seen_low in zip(
+                zip(*errors, strict=True), highs, seen[1:], strict=True
+            )
         )
     mapped = min(1, len(others))
     if options.exposure != "none":  # for display; errors are measured before
@@ -229,7 +233,7 @@ def compare(
         mapped_frame=frames[1 + mapped],
         angles_deg=pictured[mapped].angles,
         names=tuple(f"{mesh.name}: {mesh.n_faces:,} triangles" for mesh in (high, low)),
-        maps=tuple(_MAP_NAMES[name] for name in uses[mapped]),
+        maps=names,
         displaced=others[1] if len(others) > 1 else None,
         displaced_frame=frames[3] if len(others) > 1 else None,
     )
@@ -284,10 +288,58 @@ def _draw_models(
     return [high, *lows], [view_errors(high, low, tolerance, threads=threads) for low in lows]
 
 
+def _scenes(
+    high: Mesh,
+    low: Mesh,
+    maps: dict[str, Any],
+    materials: tuple[Materials | None, Materials | None],
+    options: RenderOptions,
+) -> tuple[Scene | None, list[Scene], tuple[str, ...]]:
+    """Scenes of the high-poly mesh and each use of the low-poly one, and the maps of that use.
+
+    The first is None, or the high-poly mesh in the one color of the bare low-poly mesh.
+    """
+    of_high, own = materials[0], None if maps else materials[1]
+    has_color = _has_color(of_high) and ("albedo" in maps or own is not None)
+    if own is not None and not has_color:
+        own = own.only(("normal",)) if any(own.sources("normal")) else None
+    uses = _uses(maps)
+    names = tuple(_MAP_NAMES[name] for name in uses[min(1, len(uses) - 1)])
+    gray = studio_scene(high, options=options)
+    plain = _with_normal_maps(gray, of_high)
+    scenes = [_with_materials(gray, of_high) if has_color else plain]
+    # A displaced mesh is subdivided to the texels of its map, once for all views.
+    scenes += [studio_scene(low, options=options, edge_px=None, **use) for use in uses]
+    if own is not None:
+        names = ("materials",) if has_color else ("normal map",)
+        show = _with_materials if has_color else _with_normal_maps
+        scenes.append(show(scenes[-1], own))
+    *scenes, plain = lit_by_studio([*scenes, plain])
+    return plain if has_color else None, scenes, names
+
+
 def _uses(maps: dict[str, Any]) -> list[dict[str, Any]]:
     """Maps of each picture of the low-poly mesh: none, those of a GLB file, and all of them."""
     flat = {name: source for name, source in maps.items() if name != "displacement"}
     return list({tuple(use): use for use in ({}, flat, maps)}.values())
+
+
+def _has_color(materials: Materials | None) -> bool:
+    """Whether materials set more than normal maps."""
+    if materials is None:
+        return False
+    return materials.has_vertex_colors or any(
+        set(material.channels) - {"normal"} for material in materials.materials
+    )
+
+
+def _with_materials(scene: Scene, materials: Materials | None) -> Scene:
+    """Return the scene of one mesh with its own materials, seen from the sides of the options."""
+    from texbake.rendering.scene.read import scene_from_materials
+
+    objects = scene_from_materials(scene.objects[0].mesh, materials).objects
+    sided = (replace(item, material=replace(item.material, double_sided=None)) for item in objects)
+    return replace(scene, objects=tuple(sided))
 
 
 def _with_normal_maps(scene: Scene, materials: Materials | None) -> Scene:

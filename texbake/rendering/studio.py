@@ -7,6 +7,7 @@ three soft lamps.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from texbake.core import portable_math as pm
 from texbake.mesh.mesh import Mesh
 from texbake.rendering.maps import MapSource
 from texbake.rendering.options import RenderOptions
-from texbake.rendering.scene.lights import Ambient, Light, Lighting
+from texbake.rendering.scene.lights import Ambient, Environment, Light, Lighting
 from texbake.rendering.scene.material import Displacement, Material, NormalMap
 from texbake.rendering.scene.scene import Scene, SceneObject
 from texbake.rendering.scene.textures import ImageTexture
@@ -70,6 +71,25 @@ def studio_scene(
 
 
 STUDIO_ROOM = "studio"
+# Times the room, whose mean it makes that of the ambient light of the lamps.
+_ROOM_SHARE, _ROOM_PX = 0.3, 128
+# The same lamps with the room around them, which metals reflect.
+_STUDIO_WITH_ROOM = Lighting(
+    lights=STUDIO.lights,
+    environment=Environment(
+        image=STUDIO_ROOM, size=_ROOM_PX, background=False, lighting=True, intensity=_ROOM_SHARE
+    ),
+)
+
+
+def lit_by_studio(scenes: Sequence[Scene]) -> list[Scene]:
+    """Return scenes in the light of the studio, with its room if some material is a metal."""
+    metals = any(item.material.metalness != 0.0 for scene in scenes for item in scene.objects)
+    rig = _STUDIO_WITH_ROOM if metals else STUDIO
+    changes = {"lights": rig.lights, "ambient": rig.ambient, "environment": rig.environment}
+    return [scene.with_lighting(**changes) for scene in scenes]
+
+
 # Radiance of the room at the top, at eye level and at the bottom.
 _TOP, _MIDDLE, _BOTTOM = 0.55, 0.32, 0.14
 

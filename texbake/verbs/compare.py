@@ -77,11 +77,14 @@ def compare_files(
     """Measure how close LOW with its maps comes to HIGH.
 
     From six sides, prints the angle between the shading normals that pixels show, and the PSNR and
-    SSIM of the pictures, for LOW with its maps and without them. Writes HIGH, LOW without maps, LOW
-    with its maps, and the difference, side by side.
+    SSIM of the pictures, for LOW with its maps and without them. Without maps in the options, they
+    are the materials of LOW's file. HIGH shows its own materials beside a color map or materials.
+    Writes HIGH, LOW without maps, LOW with its maps, and the difference, side by side.
     """
     from texbake.jobs.comparison import write_comparison_page
+    from texbake.jobs.preview_scene import shown_materials
     from texbake.mesh.files import read_mesh
+    from texbake.mesh.files.source import parsed_once
     from texbake.rendering.compare import compare
     from texbake.texture.image import write_image
 
@@ -91,13 +94,18 @@ def compare_files(
     check_distinct([output, report, html], [high, low, *files.values()])
     check_picture(output)
     options = options or RenderOptions()
-    high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
+    with parsed_once():
+        high_mesh, low_mesh = (read_mesh(path, progress=progress) for path in (high, low))
+        high_materials = shown_materials(high, high_mesh)
+        low_materials = None if files else shown_materials(low, low_mesh)
     comparison = compare(
         high_mesh,
         low_mesh,
         normal_map=normal_map,
         displacement=displacement,
         albedo=albedo,
+        high_materials=high_materials,
+        low_materials=low_materials,
         options=options,
         threads=threads,
         progress=progress,
