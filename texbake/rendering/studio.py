@@ -71,7 +71,7 @@ def studio_scene(
 
 
 STUDIO_ROOM = "studio"
-# Times the room, whose mean it makes that of the ambient light of the lamps.
+# Times the room: bright enough for metals, dim enough that the lamps still shade the rest.
 _ROOM_SHARE, _ROOM_PX = 0.3, 128
 # The same lamps with the room around them, which metals reflect.
 _STUDIO_WITH_ROOM = Lighting(
