@@ -390,6 +390,20 @@ def test_parts_that_are_copies_share_texels_and_look_as_before(tmp_path):
         replace(options, stack=True, uvs="keep")
 
 
+@pytest.mark.parametrize(("overlap", "n_faces"), [(False, 1500), (True, 10**6)])
+def test_a_request_to_share_texels_changes_no_file_whose_coordinates_stay(
+    tmp_path, overlap, n_faces
+):
+    model, files = atlas_of_balls(tmp_path, overlap=overlap, rows=12, cells=16), []
+    options = replace(KEPT, uvs="auto", n_faces=n_faces, size=128)
+    for stack in (False, True):
+        done = lighten_file(model, tmp_path / "light.glb", replace(options, stack=stack))
+        assert done.report.keeps_uvs
+        assert any("share texels as before" in line for line in done.warnings) == stack
+        files.append((tmp_path / "light.glb").read_bytes())
+    assert files[0] == files[1]
+
+
 @pytest.mark.parametrize("given", ["clamp", "placing", "tangents"])
 def test_balls_that_look_different_share_no_texels(tmp_path, given):
     ball = uv_sphere(12, 24)

@@ -69,7 +69,7 @@ class Codings:
 
     def chosen(self, pictures: Sequence[Picture], n_bytes: int) -> dict[str, bytes]:
         """Files of pictures, of the least error in a number of bytes."""
-        tables: dict[str, list[_Coding]] = {}
+        tables: dict[str, list[_Coding]] = {each.name: [] for each in pictures}  # in order
 
         def tabulate(picture: Picture) -> bytes:
             tables[picture.name] = self._table(picture, n_bytes)

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 _MOST_TEXTURED = 8
 _MOST_PAIRED = 64  # objects that are baked one by one
 _UNSHARED = "none has the shape and look of another", "parts of the model move"
+_SHARED = "copies share texels as before in coordinates that stay; for new ones, set `uvs` to new"
 _SEAMS = "texture coordinates, holes"
 
 
@@ -86,9 +87,8 @@ class Source:
     def lightened(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
         """Return the model with fewer triangles, as the options ask for texture coordinates.
 
-        A trial may have more triangles, and with `auto` it keeps coordinates that overlap.
+        Trials may have more triangles; with `auto`, not `stack`, coordinates that overlap stay.
         """
-        threads = self.options.threads
         why = self._why_new_uvs()
         if self.options.uvs == "keep" and why:
             raise OptionError(f"uvs: {self.mesh.name} {why}; use new")
@@ -97,10 +97,10 @@ class Source:
         if self.options.uvs == "new" or why:
             return self._with_new_uvs(n_faces, is_trial=is_trial)
         is_auto = self.options.uvs == "auto"
-        has_fewer = self.mesh.n_faces > n_faces
-        may_be_new = is_auto and not is_trial and not self.materials.variants
-        if may_be_new and has_fewer and not is_atlas(self.mesh, threads):
-            return self._with_new_uvs(n_faces)
+        may_be_new = self.options.stack or not (is_trial or self.materials.variants)
+        may_be_new &= is_auto and self.mesh.n_faces > n_faces
+        if may_be_new and not is_atlas(self.mesh, self.options.threads):
+            return self._with_new_uvs(n_faces, is_trial=is_trial)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
         if simplified is None or (is_auto and simplified.is_close_to_count):
@@ -153,8 +153,6 @@ class Source:
             return "has no images that lie on its texture coordinates"
         if self.materials.image_uv_sets - {0}:
             return "has images on further texture coordinates"
-        if self.options.stack:
-            return "shares texels, as `stack` asks"
         if self.options.remesh != "never":
             return "is wrapped in another surface, as `remesh` asks"
         is_auto = self.options.uvs == "auto"
@@ -229,6 +227,9 @@ class Source:
         with self.stages.part("read images"):
             materials = gltf_images(materials, threads=threads)
             pictures = pictures_of(materials, threads=threads)
+        if options.stack:
+            why = _SHARED if pictures else "there are no images"
+            warnings = (*warnings, f"{self.mesh.name}: `stack` changes nothing: {why}")
         return LightModel(
             mesh=low,
             materials=materials,

@@ -58,8 +58,8 @@ class LightenOptions(CheckedOptions):
     )
     stack: bool = option(
         False,
-        "Let parts that are copies of one another share their texels, where `uvs` is new or auto, "
-        "which then makes new ones. Copies may be moved, turned, mirrored or of another size.",
+        "Let parts that are copies of one another share their texels, where texture coordinates "
+        "are new. Copies may be moved, turned, mirrored or of another size.",
     )
     join: bool = option(False, "Write one node instead of those of the model.")
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False

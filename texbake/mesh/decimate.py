@@ -28,7 +28,7 @@ from texbake.records import dataclass
 _FACES_OF_A_VERTEX = 4  # of a surface there are about two
 
 # Distance, as a share of the longest side of a model, that counts as much as a radian between
-# normals. Of six values from 5e-4 to 0.016, pictures of four of five models were closest with this.
+# normals. With far less, pictures of five models are 0.4 dB closer to 0.4 dB less close.
 _SHADING = 0.016
 
 # A boundary is simplified like the rest where keeping all of it would take up more than this part
