@@ -61,7 +61,7 @@ from .texture.heights_and_normals import (
     normal_to_height as normal_to_height,
 )
 from .texture.image import read_image as read_image, write_image as write_image
-from .texture.material_images import read_materials as read_materials
+from .texture.model_materials import read_materials as read_materials
 from .texture.options import (
     HeightToNormalOptions as HeightToNormalOptions,
     NormalToHeightOptions as NormalToHeightOptions,

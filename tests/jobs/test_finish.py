@@ -10,7 +10,7 @@ from texbake import TexbakeError, finish
 from texbake.errors import CancelledError, MeshError, OptionError
 from texbake.mesh.shapes import icosphere
 from texbake.mesh.topology import face_components, find_edges
-from texbake.texture.material_images import model_materials
+from texbake.texture.model_materials import model_materials
 
 SMALL = {"n_faces": 300, "size": 64}
 

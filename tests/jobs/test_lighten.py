@@ -38,7 +38,7 @@ from texbake.mesh.topology import face_components
 from texbake.progress import Stages
 from texbake.rendering.compare_models import compare_models
 from texbake.texture.image import decode_image, write_image
-from texbake.texture.material_images import without_damaged_images
+from texbake.texture.model_materials import without_damaged_images
 from texbake.verbs.whole_jobs import lighten_file, run_files
 
 OPTIONS = LightenOptions(n_faces=600, uvs="new", size=256, images="png", views=0)

@@ -21,7 +21,7 @@ from texbake.mesh.materials import (
 )
 from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOptions
 from texbake.mesh.shapes import uv_sphere
-from texbake.texture.material_images import read_materials as read_shown
+from texbake.texture.model_materials import read_materials as read_shown
 from texbake.verbs.meshes import repair_file, transform_file
 from texbake.verbs.simplify import simplify_file
 from texbake.verbs.unwrap import unwrap_files

@@ -38,7 +38,7 @@ from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
-from texbake.texture.material_images import model_materials
+from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
 _MOST_PARTS = 1000

@@ -31,7 +31,7 @@ from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 from texbake.sampling.rounds import BudgetClock, with_actual_time
 from texbake.texture.image import read_image, write_image
-from texbake.texture.material_images import read_materials
+from texbake.texture.model_materials import read_materials
 
 DEFAULT_FORMAT = "png"
 

@@ -31,7 +31,7 @@ from texbake.mesh.mesh import BoolArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, read_rig
 from texbake.progress import Progress
 from texbake.records import dataclass
-from texbake.texture.material_images import without_damaged_images
+from texbake.texture.model_materials import without_damaged_images
 
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
 

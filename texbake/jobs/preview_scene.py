@@ -91,7 +91,7 @@ def shown_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     if mesh.colors is None and Path(path).suffix.lower() in _WITHOUT_MATERIALS:
         return None
     # Imported here, so that meshes without materials do not load it.
-    from texbake.texture.material_images import model_materials
+    from texbake.texture.model_materials import model_materials
 
     found = model_materials(path, mesh)
     if found is None or not (found.has_vertex_colors or any(m.channels for m in found.materials)):

@@ -38,7 +38,7 @@ from texbake.rendering.scene.lights import Environment, Lighting
 from texbake.rendering.scene.scene import Scene, camera_of, outline
 from texbake.rendering.studio import STUDIO_ROOM
 from texbake.texture.encoding import quantize_srgb
-from texbake.texture.material_images import read_materials
+from texbake.texture.model_materials import read_materials
 
 N_VIEWS = 12
 _PICTURE_PX = 512

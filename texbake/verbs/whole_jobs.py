@@ -75,7 +75,7 @@ def run_files(
     from texbake.jobs.run import run, with_page
     from texbake.mesh.files import read_mesh
     from texbake.mesh.files.source import parsed_once
-    from texbake.texture.material_images import model_materials
+    from texbake.texture.model_materials import model_materials
 
     options = options or RunOptions()
     with parsed_once():
