@@ -69,6 +69,15 @@ static double distance_around(
     return least;
 }
 
+/* Whether an edge of a face leads from the vertex of some corners to another one. */
+static bool leads_to(const struct collapsible_mesh *mesh, struct corners around, int32_t vertex)
+{
+    for (int64_t i = 0; i < around.n; i++)
+        if (vertex_after(mesh, around.corners[i], 1) == vertex)
+            return true;
+    return false;
+}
+
 /* The greatest squared distance of the middles of new edges from the faces around two vertices as they
    are, if these meet, or `most` if none is greater. */
 static double distance_of_edges(
@@ -79,9 +88,11 @@ static double distance_of_edges(
         const struct vector from = vector_at(mesh->points[near]);
         const struct vector other = vector_at(mesh->points[far]);
         const struct corners around = corners_of(mesh, near);
-        for (int64_t i = 0; i < around.n; i++) {
-            const int32_t end_id = vertex_after(mesh, around.corners[i], 1);
-            if (end_id == far)
+        for (int64_t i = 0; i < 2 * around.n; i++) {
+            /* At a boundary, one edge has no face that leads along it from here. */
+            const bool is_next = i < around.n;
+            const int32_t end_id = vertex_after(mesh, around.corners[i % around.n], is_next ? 1 : 2);
+            if (end_id == far || (!is_next && leads_to(mesh, around, end_id)))
                 continue;
             const struct vector middle = weighted(
                 meeting, vector_at(mesh->points[end_id]), 0.5, 0.5);

@@ -20,9 +20,9 @@ from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
 # A chart in the middle may be larger by this factor: two halves would need one more seam. It may be
-# larger still where that seam would cost as much as elsewhere or more, as down the front.
+# larger still where that seam would be costly, as down the front.
 _MIDDLE, _MIDDLE_IN_FRONT = 2.5, 5.0
-_DEAR, _MOST_WEIGHT = 1.0, 16.0
+_COSTLY, _MOST_WEIGHT = 2.0, 16.0  # in units of the mean weight of an edge
 # Factor on the cost of joining a piece and its counterpart, whose seam would run down the middle.
 _PAIR_COST = 0.3
 
@@ -82,8 +82,10 @@ def find_planned_merge(
 ) -> ChartMerge | None:
     """Flatten the unions of a plan; None if one of the joins is impossible."""
     if plan.counterpart == "self":
-        is_dear = _seam_cost([pieces[index] for index in plan.members], opposite, weights) >= _DEAR
-        factor = _MIDDLE_IN_FRONT if is_dear else _MIDDLE
+        is_costly = (
+            _seam_cost([pieces[index] for index in plan.members], opposite, weights) >= _COSTLY
+        )
+        factor = _MIDDLE_IN_FRONT if is_costly else _MIDDLE
         scale = replace(scale, chart_area=factor * scale.chart_area)
     merges: list[ChartMerge] = []
     unions = []

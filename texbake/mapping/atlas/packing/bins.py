@@ -183,8 +183,13 @@ def enlarge(bins: Bins, scale: float, trials: range) -> None:
     """Place charts at larger scales than one that fits, while slightly different orders allow."""
     for trial in trials:
         step = _SCALE_STEP
-        while bins.try_scale(scale * (1.0 + step), trial):
-            scale, step = scale * (1.0 + step), 2.0 * step
+        while True:
+            if bins.try_scale(scale * (1.0 + step), trial):
+                scale, step = scale * (1.0 + step), 2.0 * step
+            elif step > _SCALE_STEP:
+                step = _SCALE_STEP
+            else:
+                break
 
 
 def _guess_with_padding(bins: Bins, share: float) -> float:
