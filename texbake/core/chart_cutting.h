@@ -29,7 +29,7 @@ struct chart_limits {
     double most_l2;     /* stretch */
     double most_length; /* a longer one is divided */
     double most_area;   /* a larger one is divided, but for one that is nearly all there is */
-    double most_flat_area; /* the same for one that is hardly stretched */
+    double most_flat_area; /* the same for one that is hardly stretched, if more */
     double total_area;  /* of all charts of the mesh */
     double depth;       /* overlaps up to this depth do not count */
 };

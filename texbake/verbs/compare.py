@@ -77,9 +77,10 @@ def compare_files(
     """Measure how close LOW with its maps comes to HIGH.
 
     From six sides, prints the angle between the shading normals that pixels show, and the PSNR and
-    SSIM of the pictures, for LOW with its maps and without them. Without maps in the options, they
-    are the materials of LOW's file. HIGH shows its own materials beside a color map or materials.
-    Writes HIGH, LOW without maps, LOW with its maps, and the difference, side by side.
+    SSIM of the pictures, for LOW with its maps and without them. If no maps are given, the
+    materials in LOW's file are used. HIGH shows its own materials if LOW has a color map or
+    materials; LOW without maps is measured against HIGH in gray. Writes HIGH, LOW without maps,
+    LOW with its maps, and the difference, side by side.
     """
     from texbake.jobs.comparison import write_comparison_page
     from texbake.jobs.preview_scene import shown_materials

@@ -1,8 +1,8 @@
 """All maps that a bake can make: `MAPS`, in the order in which they are listed to users.
 
 `of_hits` declares maps below the functions that compute them; NumPy is imported only when they are
-called. Everything else (averaging the samples of a texel, padding,
-coding, options, reports) follows from the declaration.
+called. Everything else (averaging the samples of a texel, padding, coding, options, reports)
+follows from the declaration.
 
 Their files have names from a pattern such as `{asset}_{map}_{udim}.{ext}`.
 """

@@ -95,7 +95,8 @@ class AtlasOptions(TextureOptions):
     )
     hide_seams: float = option(
         0.5,
-        "How far seams go out of their way to run where little light comes, such as creases.",
+        "How far seams go out of their way to avoid the front and details, and to run where little "
+        "light comes, such as creases.",
         low=0,
         high=1,
     )
