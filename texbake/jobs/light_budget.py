@@ -260,17 +260,18 @@ class Budget:
                 files = self._codings.chosen(light_model.pictures, n_bytes - n_others)
                 size = self._write(light_model, files, path)
                 is_finest = self._codings.are_finest(light_model.pictures, files)
-            data = path.read_bytes()
+            data = [path.read_bytes()]
         return Trial(
             light_model=light_model, materials=with_files(light_model.materials, files),
             n_bytes=size, measure=partial(self._db, data) if size <= n_bytes else float,
             is_finest=is_finest,
         )  # fmt: skip
 
-    def _db(self, data: bytes) -> float:
+    def _db(self, data: list[bytes]) -> float:
+        """PSNR of a file in small pictures; `data` gives it up, so that it takes no more memory."""
         with scratch_folder() as folder, self.source.stages.part("compare trials"):
             path = folder / "trial.glb"
-            path.write_bytes(data)
+            path.write_bytes(data.pop())
             return compare_models(
                 self._before, path, n_views=_VIEWS, options=_OPTIONS, at_rest=True,
                 threads=self.source.options.threads,
