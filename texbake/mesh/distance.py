@@ -175,36 +175,6 @@ def distance_to(mesh: Mesh, target: Mesh, *, threads: int | None = None) -> OneS
     return _one_sided(frame, (mesh, target), places, REPORTED_SAMPLES, 0, threads)
 
 
-def sampled_distance(
-    a: Mesh, b: Mesh, *, n_samples: int = _DEFAULT_SAMPLES, threads: int | None = None
-) -> tuple[float, float]:
-    """Return what `surface_distance(a, b).rms` is, and the greatest distance of its samples."""
-    frame = LocalFrame.around(a, b)
-    places = frame.to_local(a.positions), frame.to_local(b.positions)
-    sides = ((a, b), places), ((b, a), places[::-1])
-    distances = [_sampled(*side, n_samples, 0, threads)[2] for side in sides]
-    rms = np.sqrt(max(np.square(of_side).mean() for of_side in distances))
-    most = max(of_side.max() for of_side in distances)
-    return float(frame.length_to_model(rms)), float(frame.length_to_model(most))
-
-
-def _sampled(
-    meshes: tuple[Mesh, Mesh],
-    places: tuple[FloatArray, FloatArray],
-    n_samples: int,
-    seed: int,
-    threads: int | None,
-) -> tuple[TriangleTree, IntArray, FloatArray]:
-    """The tree of the second mesh, faces of samples of the first, and the distances of those."""
-    (positions, to_positions), faces = places, meshes[0].faces
-    tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
-    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
-    n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
-    face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
-    samples = _points_on(positions, faces, face_ids, barycentrics)
-    return tree, face_ids, tree.closest_points(samples, threads=threads)[0]
-
-
 def _one_sided(
     frame: LocalFrame,
     meshes: tuple[Mesh, Mesh],
@@ -214,9 +184,13 @@ def _one_sided(
     threads: int | None,
 ) -> OneSidedDistance:
     """From the first mesh to the second, whose positions in the frame are `places`."""
-    positions, faces = places[0], meshes[0].faces
-    tree, face_ids, of_samples = _sampled(meshes, places, n_samples, seed, threads)
-    n = len(face_ids)
+    (positions, to_positions), faces = places, meshes[0].faces
+    tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
+    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
+    n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
+    face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
+    samples = _points_on(positions, faces, face_ids, barycentrics)
+    of_samples = tree.closest_points(samples, threads=threads)[0]
     of_vertices, _, _ = tree.closest_points(_some_vertices(positions, faces, n), threads=threads)
     farthest = np.argsort(-of_samples, kind="stable")[:_FARTHEST]
     n_peaks = _FACES_OF_PEAKS

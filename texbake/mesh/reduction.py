@@ -30,7 +30,7 @@ from texbake.mesh.decimate import (
     without_small_parts,
 )
 from texbake.mesh.deformation import Deformation, Morph
-from texbake.mesh.distance import SurfaceDistance, sampled_distance
+from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
@@ -203,10 +203,10 @@ def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> tuple[floa
     """RMS and greatest distance between two meshes, at rest and in the poses of the first."""
     pairs = zip(_in_poses(mesh, mesh, threads), _in_poses(low, mesh, threads), strict=True)
     distances = [
-        sampled_distance(one, other, n_samples=_COMPARED, threads=threads) for one, other in pairs
+        surface_distance(one, other, n_samples=_COMPARED, threads=threads) for one, other in pairs
     ]
-    squares = math.fsum(rms * rms for rms, _ in distances)
-    return math.sqrt(squares / len(distances)), max(most for _, most in distances)
+    squares = math.fsum(distance.rms * distance.rms for distance in distances)
+    return math.sqrt(squares / len(distances)), max(distance.max for distance in distances)
 
 
 def _in_poses(mesh: Mesh, source: Mesh, threads: int | None) -> list[Mesh]:
