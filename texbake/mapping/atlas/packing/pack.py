@@ -36,7 +36,7 @@ _LEAST_FILL = 0.6  # charts too long for it, if they lay along u or v, may lie a
 _MANY_CHARTS = 1024
 _MOST_ORDERED = 256  # charts times orders that are tried
 _MOST_ORDERS = {"fast": 3, "good": 32, "best": 32}
-_FEW_ORDERS = 4  # that are tried before a search
+_FEW_ORDERS = 4  # that are tried after a search
 _MOST_SEARCHED = 768  # charts; the work of a search grows with the square of their number
 _MOST_COARSE = 300  # charts that a coarse grid represents well enough
 # Areas of the grid that squares as wide as the charts are long may take in a search, which stores
@@ -142,19 +142,17 @@ def pack_charts(
         and bool(bins.areas.sum() > 0.0)
         and _squares(bins) <= _MOST_SQUARES
     )
-    n_first = min(n_orders, _FEW_ORDERS) if searched else n_orders
-    if density is not None:
+    found = _searched(bins, size, padding, effort, threads) if searched else None
+    if found is not None:
+        bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
+        # Strips with faces narrower than a texel own more texels if they are at an angle.
+        if not reshaped.any():
+            enlarge(bins, found.scale, range(min(n_orders, _FEW_ORDERS)))
+    elif density is not None:
         if not place_at_scale(bins, density * unit / grid.cell, n_orders):
             raise UnwrapError(_does_not_fit_at(bins, density, unit, size, padding, name))
-    elif not place_at_largest_scale(bins, n_first):
+    elif not place_at_largest_scale(bins, n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
-    if searched:
-        found = _searched(bins, size, padding, effort, threads)
-        # Strips with faces narrower than a texel own more texels if they are at an angle.
-        if found is not None and (found.scale > bins.found.scale or reshaped.any()):
-            bins.found, bins.tiles = found, np.zeros(n_charts, dtype=np.int32)
-        else:
-            enlarge(bins, bins.found.scale, range(n_first + 1, n_orders + 1))
     return _packed(bins, size, padding, reshaped)
 
 
@@ -234,8 +232,10 @@ def _searched(
         layouts = _best(
             lambda draft: squeeze_layout(draft, most_work=work, seed=0), drafts, threads
         )
-    else:
+    elif place_at_largest_scale(bins, 0):
         layouts = [bins.found.layout(bins.grid, bins.angles)]
+    else:
+        return None
     work = int(budget.refine_work * share) + scaling_work
     settled = _best(
         lambda layout: refine_layout(charts, layout, bins.grid, most_work=work, seed=0),
