@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from texbake.sampling.bounds import (
+from texbake.sampling.report import (
     CHECKED_SHARE,
     MOST_CHECKED,
     ErrorSummary,

@@ -26,7 +26,7 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import OrientationReport
 from texbake.records import dataclass
-from texbake.sampling.bounds import SamplingReport
+from texbake.sampling.report import SamplingReport
 from texbake.sampling.rounds import BudgetClock, TimeBudget, with_actual_time
 
 

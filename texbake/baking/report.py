@@ -20,7 +20,7 @@ from texbake.parallel import run_bands
 from texbake.progress import StageRecord
 from texbake.raycast.orientation import OrientationReport
 from texbake.records import dataclass
-from texbake.sampling.bounds import SamplingReport
+from texbake.sampling.report import SamplingReport
 from texbake.sampling.rounds import TimeBudget
 
 _BAND = 1 << 15

@@ -29,7 +29,7 @@ from texbake.rendering.fragments import Fragments
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.rasterize import VisibilityBuffer
 from texbake.rendering.results import Costs
-from texbake.sampling.bounds import SamplingReport
+from texbake.sampling.report import SamplingReport
 from texbake.sampling.rounds import TimeBudget
 from texbake.texture.encoding import decode_srgb, encode_srgb
 from texbake.texture.image import FloatImage, write_image

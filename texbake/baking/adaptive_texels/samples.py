@@ -30,7 +30,7 @@ from texbake.baking.trace import Trace
 from texbake.core import portable_math as pm
 from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray
 from texbake.records import dataclass
-from texbake.sampling.bounds import (
+from texbake.sampling.report import (
     SamplingReport,
     check_random,
     format_percents,

@@ -44,13 +44,8 @@ from texbake.errors import OptionError
 from texbake.mesh.mesh import AnyArray, BoolArray, ByteArray, Float32Array, FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
-from texbake.sampling.bounds import (
-    BOUNDED_CODINGS,
-    ErrorBounds,
-    ErrorSummary,
-    percent_within,
-    percentiles_of,
-)
+from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds
+from texbake.sampling.report import ErrorSummary, percent_within, percentiles_of
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,8 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.texel_values import TexelSums, finished_maps
 from texbake.mesh.mesh import Float32Array
 from texbake.progress import Stages
-from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, n_to_check, parse_bounds
+from texbake.sampling.bounds import BOUNDED_CODINGS, ErrorBounds, parse_bounds
+from texbake.sampling.report import n_to_check
 from texbake.sampling.rounds import BudgetClock, OutOfTimeError, Rounds, TimeBudget, spread_rows
 
 # The closest bounds where none is given: about what 16-bit maps round off.

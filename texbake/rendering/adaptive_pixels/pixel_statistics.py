@@ -32,12 +32,11 @@ from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.effects.transparency import LayeredSamples
-from texbake.sampling.bounds import (
-    CODES,
+from texbake.sampling.bounds import CODES, format_codes
+from texbake.sampling.report import (
     ErrorSummary,
     SamplingReport,
     check_random,
-    format_codes,
     format_percents,
     n_to_check,
     percent_within,
