@@ -6,7 +6,7 @@
 
    The other way, the middles of new edges are compared with the faces before the collapse. That sees
    faces that run across a hole or from one surface to another, where no vertex is far from anything.
-   Measured on 75 cases, the greatest distance became 7 % smaller, and the RMS distance 1 % greater.
+   Measured on 116 cases, the greatest distance became 9 % smaller, and the RMS distance 1 % greater.
 
    Based on: Klein, Liebich, Straßer, "Mesh reduction with error control", Visualization 1996 (the
    distance from the vertices that are gone).

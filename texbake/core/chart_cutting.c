@@ -235,9 +235,9 @@ static void filter_normals(struct cutting *cutting, double similar)
 /* Cut a part into charts of at most `most_l2` stretch, unless dividing does not lower it; return
    their number. Charts longer than `most_length` or larger than `most_area`, or `most_flat_area` where
    hardly stretched, of a mesh of `total_area`, are divided. `labels` gets the chart of each face, -1
-   without one; `faces` and `uvs` its layout; `n_vertices` the number of coordinates. Creases are where `normals`
-   of any length differ; in a bevel they are those of the plane next to it. `lengths` come from
-   `find_step_lengths`, `weights` are those of seams along each side; overlaps up to `depth` do not
+   without one; `faces` and `uvs` its layout; `n_vertices` the number of coordinates. Creases are where
+   `normals`, of any length, differ; in a bevel they are those of the plane next to it. `lengths` come
+   from `find_step_lengths`, `weights` are those of seams along each side; overlaps up to `depth` do not
    count. */
 EXPORT int64_t cut_charts(
     int64_t n, int64_t n_faces, int64_t n_corners, const double points[n][3],
@@ -254,7 +254,8 @@ EXPORT int64_t cut_charts(
     struct cutting cutting = {
         .arena = arena, .points = points, .corners = corners, .lengths = lengths,
         .weights = weights,
-        .limits = {most_l2, most_length, most_area, most_flat_area, total_area, depth}, .n_faces = n_faces,
+        .limits = {most_l2, most_length, most_area, most_flat_area, total_area, depth},
+        .n_faces = n_faces,
         .opposite = TAKE(arena, int32_t, 3 * n_faces),
         .charts = take(arena, 2 * n_faces, sizeof *cutting.charts)};
     struct part whole = {.n_faces = n_faces, .face_ids = TAKE(arena, int32_t, n_faces),

@@ -18,8 +18,8 @@
 
 #include "numbers.h"
 
-/* Height of a face on its longest edge, next to the length of that, below which no collapse brings it:
-   where three vertices lie on a crease but for rounding, the turn of the face between them says nothing. */
+/* No collapse brings the height of a face below this share of its longest edge: where three vertices lie
+   on a crease but for rounding, the turn of the face between them says nothing. */
 static const double FLATTEST = 1e-3;
 
 /* Whether the walk from each corner of a vertex to the one whose next vertex is its previous one

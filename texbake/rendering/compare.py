@@ -153,8 +153,8 @@ def compare(
         Maps of the low-poly mesh; see `texbake.rendering.render.render`.
     high_materials
         Materials of the high-poly mesh, whose normal maps bend its normals; None if it has none.
-        It shows all of them to the mapped mesh if that has an `albedo` or materials; all other
-        meshes are shaded with the base color of the options.
+        Their colors count if the low-poly mesh has an `albedo` or materials. Without these, both
+        meshes have the base color of the options.
     low_materials
         Materials of the low-poly mesh, in place of its maps if there are none; only their normal
         maps if the high-poly mesh has no materials.

@@ -38,13 +38,14 @@ _HIDDEN, _OPEN = 0.3, 4.0
 _MILD, _LEAST = 6.0, 0.1
 
 # Cells, along the longest side, whose mean normal shows how much the surface turns: of length 1
-# where it is flat. Between these amounts, edges become `_DETAILED` times as dear.
+# where it is flat. Between these amounts, the cost of edges rises to
+# `_DETAILED` times as much.
 _CELLS = 32
 _PLAIN, _DETAIL = 0.1, 0.5
 _DETAILED = 8.0
 _SHADED = 0.6  # openness, relative to its mean, up to which no detail shows
 
-# Edges that face the front are this many times as dear, if the front is clear: if most of the
+# Edges that face the front cost this many times as much if the front is clear: if most of the
 # detail in the light faces it, by the length of the mean normal of the detail.
 _FRONTAL = 16.0
 _NO_FRONT, _CLEAR_FRONT = 0.25, 0.4

@@ -32,7 +32,8 @@ from texbake.records import dataclass
 _MOST_CELLS = 1024  # cells along the longer side of the grid, for few charts
 _CELLS_A_CHART = 12  # along the side of a chart, for many
 
-_LEAST_FILL = 0.6  # charts too long for it, if they lay along u or v, may lie aslant
+# Charts that, along u or v, would be longer than the texture at this fill may have any angle.
+_LEAST_FILL = 0.6
 _MANY_CHARTS = 1024
 _MOST_ORDERED = 256  # charts times orders that are tried
 _MOST_ORDERS = {"fast": 3, "good": 32, "best": 32}
