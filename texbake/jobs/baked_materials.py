@@ -20,9 +20,11 @@ from texbake.jobs.material_transfer import (
     shared_materials,
     transferred_channels,
 )
-from texbake.mesh.materials import CHANNELS, ChannelSource, Materials, MeshMaterial
-from texbake.mesh.mesh import ByteArray, Mesh
+from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
+from texbake.mesh.mesh import ByteArray, Float32Array, Mesh
 from texbake.records import dataclass
+from texbake.texture.encoding import encode_normals
+from texbake.texture.image_files import encode_image
 
 _MOST_VARIANTS = 8  # that are baked
 _ANISOTROPY = "KHR_materials_anisotropy"
@@ -224,6 +226,17 @@ def _differ(one: MeshMaterial, other: MeshMaterial, name: str) -> bool:
     modes = {(item.alpha_mode, item.alpha_cutoff) for item in (one, other)}
     is_same_mode = name != "alpha" or len(modes) == 1
     return one.channels.get(name) != other.channels.get(name) or not is_same_mode
+
+
+def with_normals_of(
+    materials: Materials, normals: Float32Array, name: str, threads: int | None
+) -> Materials:
+    """Return materials that share a normal map, of (H, W, 3) normals in tangent space."""
+    codes = encode_normals(normals, bits=8, convention="opengl", threads=threads)
+    image = ChannelImage(encode_image(codes, "png", threads=threads), name)
+    channel = {"normal": ChannelSource((1.0, 1.0, 1.0), image)}
+    items = (replace(each, channels={**each.channels, **channel}) for each in materials.materials)
+    return replace(materials, materials=tuple(items))
 
 
 def _with_variants(parts: Sequence[Materials], names: Sequence[str]) -> Materials:

@@ -24,7 +24,7 @@ from texbake.mesh.compose import excerpt
 from texbake.mesh.decimate import shading_length
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals, has_hard_edges, with_normals
-from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, one_group_a_node
 from texbake.mesh.part_sizes import EnlargedParts
@@ -36,8 +36,6 @@ from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import oriented
 from texbake.records import dataclass
 from texbake.schema import Size
-from texbake.texture.encoding import encode_normals
-from texbake.texture.image_files import encode_image
 
 if TYPE_CHECKING:
     from texbake.baking.report import BakeReport
@@ -99,7 +97,7 @@ class Source:
         is_auto = self.options.uvs == "auto"
         may_be_new = self.options.stack or not (is_trial or self.materials.variants)
         may_be_new &= is_auto and self.mesh.n_faces > n_faces
-        if may_be_new and not is_atlas(self.mesh, self.options.threads):
+        if may_be_new and not is_atlas(self._of_first(self._instances)[1], self.options.threads):
             return self._with_new_uvs(n_faces, is_trial=is_trial)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
@@ -128,15 +126,11 @@ class Source:
         if rig is not None and (options.join or not rig.fits(mesh)):
             rig = None
         write_glb(
-            mesh,
-            path,
-            materials=materials,
-            compress=options.compress,
-            quantize=options.quantize,
-            rig=rig,
+            mesh, path, materials=materials, rig=rig,
+            compress=options.compress, quantize=options.quantize,
             # Programs that compute other tangents would shade the baked normal map differently.
             tangents=self.mesh.tangents is not None or light_model.baked is not None,
-        )
+        )  # fmt: skip
         return rig
 
     @property
@@ -194,11 +188,13 @@ class Source:
         from texbake.texture.material_images import gltf_images
 
         options, threads = self.options, self.options.threads
-        report = None
+        source, report, repeated = self, None, None
         with self.stages.part("simplify"):
             high, rule, warnings = self._oriented
             low, materials = high, self.materials
             if high.n_faces > n_faces:
+                if (repeated := self._instances) is not None:
+                    high = repeated.mesh
                 file = MeshFileMaterials(path=Path(high.name), materials=materials)
                 partition = MaterialPartition.of(high, file)
                 enlarged = EnlargedParts.of(partition.mesh, threads=threads)
@@ -209,6 +205,10 @@ class Source:
                 low, report = enlarged.restored(low, report, threads=threads)
                 low, kept = partition.restored(low, high)
                 materials = kept.materials or materials
+                source, high = self._of_first(repeated)
+                if repeated is not None:
+                    low, faces = repeated.one_each(low)
+                    materials = materials.of_faces(faces)
                 warnings += (*report.notes, *layout_notes(low, high, threads=threads))
                 if rule.choice == "auto" and low.normals is None:
                     if has_hard_edges(high, threads=threads):
@@ -221,9 +221,12 @@ class Source:
         if report is not None and is_atlas(low, threads) and not self._normals_vary:
             low_poly = reaching(low, report)
             with self.stages.part("bake"):
-                low, materials, baked = self._with_baked_normals(high, low, low_poly, materials)
+                materials, baked = source._with_baked_normals(high, low, low_poly, materials)
             size = baked.options.width_px, baked.options.height_px
             warnings = (*warnings, *baked.warnings)
+        if repeated is not None:
+            low, faces = repeated.restored(low)
+            materials = materials.of_faces(faces)
         with self.stages.part("read images"):
             materials = gltf_images(materials, threads=threads)
             pictures = pictures_of(materials, threads=threads)
@@ -231,21 +234,16 @@ class Source:
             why = _SHARED if pictures else "there are no images"
             warnings = (*warnings, f"{self.mesh.name}: `stack` changes nothing: {why}")
         return LightModel(
-            mesh=low,
-            materials=materials,
-            pictures=pictures,
-            simplified=report,
-            warnings=(*warnings, *materials.notes()),
-            keeps_uvs=True,
-            size=size,
-            baked=baked,
-        )
+            mesh=low, materials=materials, pictures=pictures, simplified=report, keeps_uvs=True,
+            warnings=(*warnings, *materials.notes()), size=size, baked=baked,
+        )  # fmt: skip
 
     def _with_baked_normals(
         self, high: Mesh, low: Mesh, low_poly: LowPoly, materials: Materials
-    ) -> tuple[Mesh, Materials, BakeReport]:
+    ) -> tuple[Materials, BakeReport]:
         """Bake the shape that was simplified away onto texture coordinates that stay."""
         from texbake.baking.parts.bake_parts import bake_objects
+        from texbake.jobs.baked_materials import with_normals_of
         from texbake.jobs.material_transfer import texture_size
 
         options = self.options
@@ -255,18 +253,10 @@ class Source:
             high, low, chosen, pair=len(set(low.group_objects)) <= _MOST_PAIRED,
             materials=self._shown, progress=self.progress,
         )  # fmt: skip
-        codes = encode_normals(
-            baked.maps["normal"].values, bits=8, convention="opengl", threads=options.threads
-        )
-        name = f"{Path(self.mesh.name).stem}_normal"
-        data = encode_image(codes, "png", threads=options.threads)
-        source = ChannelSource((1.0, 1.0, 1.0), ChannelImage(data, name))
-        items = tuple(
-            replace(item, channels={**item.channels, "normal": source})
-            for item in materials.materials
-        )
+        values, name = baked.maps["normal"].values, f"{Path(self.mesh.name).stem}_normal"
+        materials = with_normals_of(materials, values, name, options.threads)
         # What meets there are charts that a person laid out.
-        return low, replace(materials, materials=items), replace(baked.report, padding_meets=0)
+        return materials, replace(baked.report, padding_meets=0)
 
     def _with_new_uvs(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
         from texbake.baking.parts.bake_parts import bake_objects
@@ -286,13 +276,10 @@ class Source:
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
             if low_poly is not None and _has_lost_edges(low, low_poly, rule, high):
                 rule = replace(rule, choice="angle")
-            low = low if repeated is None else repeated.one_each(low)
+            low = low if repeated is None else repeated.one_each(low)[0]
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
-        source = self
-        if repeated is not None:  # of repeated parts, one of each kind is baked
-            of_first = materials_of_faces(materials, high, repeated.is_first)
-            source, high = replace(self, materials=of_first), excerpt(high, repeated.is_first)
+        source, high = self._of_first(repeated)  # of repeated parts, one of each kind is baked
         maps = transferred_channels(self._shown)
         if simplified is not None or any(materials.sources("normal")) or needs_bake(materials):
             maps = ("normal", *maps)
@@ -319,17 +306,32 @@ class Source:
         notes = (*notes, *unbaked_images(materials))
         if repeated is not None:
             made["n_shared"] = repeated.left_in(low).n_shared
-            low, shared = repeated.restored(low, shared)
+            low, faces = repeated.restored(low)
+            shared = shared.of_faces(faces)
         return LightModel(
             mesh=low, materials=shared, pictures=tuple(baker.pictures), simplified=simplified,
             warnings=notes, **made,
         )  # fmt: skip
 
     @cached_property
+    def _instances(self) -> RepeatedParts | None:
+        """The objects that are the same in the spaces of their nodes."""
+        return RepeatedParts.instances(self._oriented[0], self.materials, self.rig)
+
+    @cached_property
     def _repeated(self) -> RepeatedParts | None:
-        """The parts that are copies of one another, if they shall share texels."""
+        """The parts that share texels in new coordinates."""
         high, *_ = self._oriented
-        return RepeatedParts.among(high, self.materials) if self.options.stack else None
+        found = RepeatedParts.among(high, self.materials) if self.options.stack else None
+        return found or self._instances
+
+    def _of_first(self, repeated: RepeatedParts | None) -> tuple[Source, Mesh]:
+        """Return the model with one part of each kind that is repeated, and its mesh."""
+        if repeated is None:
+            return self, self._oriented[0]
+        high, is_first = repeated.mesh, repeated.is_first
+        materials = materials_of_faces(self.materials, high, is_first)
+        return replace(self, materials=materials), excerpt(high, is_first)
 
     def _baked(
         self, high: Mesh, low: Mesh, low_poly: LowPoly | None, rule: LowNormals,
@@ -345,30 +347,28 @@ class Source:
         options = self.options
         size: Size = options.size or texture_size(self._shown, LEAST_SIZE, MOST_SIZE)
         with self.stages.part("unwrap"):
+            chosen = UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True)
             low, unwrapped, notes = unwrap_to_fit(
-                low,
-                UnwrapOptions(size=size, padding=options.padding, seams_at_hard_edges=True),
-                may_grow=options.size is None,
-                threads=options.threads,
+                low, chosen, may_grow=options.size is None, threads=options.threads,
                 progress=self.progress,
-            )
+            )  # fmt: skip
             low = rule.after_unwrap(low)
         atlas = unwrapped.options
         with self.stages.part("bake"):
-            chosen = options.bake_options(tuple(maps), atlas.size, atlas.padding)
-            chosen = chosen if low_poly is None else low_poly.aimed(chosen)
+            how = options.bake_options(tuple(maps), atlas.size, atlas.padding)
+            how = how if low_poly is None else low_poly.aimed(how)
             if rule.choice != options.normals:  # it lost its hard edges
-                chosen = replace(chosen, rays="vertex")
+                how = replace(how, rays="vertex")
             # Each object of few is baked from itself; of many, all from all, which takes less time.
             are_few = len(set(low.group_objects)) <= _MOST_PAIRED
             baked = bake_objects(
-                high, low, chosen, pair=are_few, materials=self._shown, progress=self.progress
+                high, low, how, pair=are_few, materials=self._shown, progress=self.progress
             )
-            if chosen.front is None and are_few:  # otherwise they miss what fills the tunnels
+            if how.front is None and are_few:  # otherwise they miss what fills the tunnels
                 baked = with_diagnosis(high, low, baked, join_objects=options.join_objects)
             check_texels(low, baked)
         figures = {
-            "size": (chosen.width_px, chosen.height_px),
+            "size": (how.width_px, how.height_px),
             "unwrapped": unwrapped,
             "baked": baked.report,
             "warnings": notes,

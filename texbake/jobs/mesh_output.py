@@ -27,7 +27,7 @@ from texbake.mesh.files.mtl import write_obj_materials
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
-from texbake.mesh.mesh import BoolArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, IndexArray, IntArray, Mesh
 from texbake.mesh.rig import Rig, read_rig
 from texbake.progress import Progress
 from texbake.records import dataclass
@@ -67,7 +67,7 @@ class MeshFileMaterials:
         suffixes = (".glb", ".obj") if mtl else (".glb",)
         return self.materials is not None and Path(output).suffix.lower() in suffixes
 
-    def of_faces(self, chosen: BoolArray) -> MeshFileMaterials:
+    def of_faces(self, chosen: BoolArray | IndexArray) -> MeshFileMaterials:
         """Return the materials of some faces of the mesh."""
         if self.materials is None:
             return self

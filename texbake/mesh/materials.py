@@ -257,9 +257,12 @@ class Materials:
         """Return lines about what is missing: the first few, and how many more."""
         return first_few(line for _, line in self.missing)
 
-    def of_faces(self, chosen: BoolArray | IndexArray, uv_rows: IndexArray) -> Materials:
-        """Return the materials of chosen faces, whose mesh keeps some rows of `uvs`."""
-        sets = {number: coordinates[uv_rows] for number, coordinates in self.uv_sets.items()}
+    def of_faces(
+        self, chosen: BoolArray | IndexArray, uv_rows: IndexArray | None = None
+    ) -> Materials:
+        """Return the materials of chosen faces, whose mesh keeps some rows of `uvs`, or all."""
+        rows = slice(None) if uv_rows is None else uv_rows
+        sets = {number: coordinates[rows] for number, coordinates in self.uv_sets.items()}
         return replace(self, face_materials=self.face_materials[chosen], uv_sets=sets)
 
     @classmethod

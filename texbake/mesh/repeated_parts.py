@@ -3,21 +3,25 @@
 A part is what hangs together of an object. Copies have the same faces in the same order, as the
 files of instances and of duplicated parts have them, and look alike: in their materials, texture
 coordinates, colors, normals and tangents. A mirrored copy has the corners of each face in reverse.
+Instances of a mesh are copies as a whole, and need not be scaled alike along all axes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.compose import excerpt, join_parts
+from texbake.mesh.instances import instances
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
 from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.objects import one_group_a_node, weld_vertices
+from texbake.mesh.rig import Rig
 from texbake.mesh.topology import face_components
 from texbake.records import dataclass
 
@@ -121,6 +125,24 @@ class RepeatedParts:
         return found if found.copies else None
 
     @classmethod
+    def instances(
+        cls, mesh: Mesh, materials: Materials | None, rig: Rig | None
+    ) -> RepeatedParts | None:
+        """Return the objects that are the same in the spaces of their nodes; None without any."""
+        ids = np.zeros(mesh.n_faces, np.int32) if materials is None else materials.face_materials
+        kinds = [] if rig is None else instances(mesh, rig, ids)
+        if rig is None or not kinds:
+            return None
+        mesh = one_group_a_node(mesh)
+        found = []
+        for kind in kinds:
+            places = np.array([rig.objects[number].matrix for number in kind])
+            matrices = pm.matmul(places, pm.inv(places[0]))
+            found.append(_Copies(np.searchsorted(mesh.group_objects, kind).tolist(), matrices))
+        nodes = np.arange(len(mesh.group_names), dtype=np.int32)
+        return cls(mesh, mesh, nodes, tuple(found))
+
+    @classmethod
     def _apart(cls, source: Mesh, found: Sequence[tuple[IndexArray, FloatArray]]) -> RepeatedParts:
         """Make groups of parts, given by the faces of each kind (n, k) and their matrices."""
         names, objects = source.group_names or (source.name,), source.group_objects
@@ -146,7 +168,7 @@ class RepeatedParts:
         """Number of parts that share the texels of another."""
         return sum(len(each.numbers) - 1 for each in self.copies)
 
-    @property
+    @cached_property
     def is_first(self) -> BoolArray:
         """(F,) bool: faces of `mesh` without those of all but the first of each kind of part."""
         others = [number for each in self.copies for number in each.numbers[1:]]
@@ -157,8 +179,11 @@ class RepeatedParts:
         counts = np.bincount(_groups(low), minlength=len(self.nodes))
         return replace(self, copies=tuple(e for e in self.copies if counts[e.numbers].any()))
 
-    def one_each(self, low: Mesh) -> Mesh:
-        """Return a simplified mesh with one part of each kind, placed as the first."""
+    def one_each(self, low: Mesh) -> tuple[Mesh, IndexArray]:
+        """Return a simplified mesh with one part of each kind, placed as the first; and its faces.
+
+        The (n,) faces are those of `low`.
+        """
         counts = np.bincount(_groups(low), minlength=len(self.nodes))
         pieces = []
         for each in self.left_in(low).copies:
@@ -166,23 +191,25 @@ class RepeatedParts:
             few = np.where(of_each <= of_each[of_each > 0].mean(), of_each, 0)
             chosen = int(few.argmax())
             pieces.append((each.numbers[chosen], each.numbers[0], pm.inv(each.matrices[chosen])))
-        return self._placed(low, pieces)[0]
+        return self._placed(low, pieces)
 
-    def restored(self, low: Mesh, materials: Materials) -> tuple[Mesh, Materials]:
-        """Return a mesh of one part of each kind with all copies, and the groups of the source."""
+    def restored(self, low: Mesh) -> tuple[Mesh, IndexArray]:
+        """Return a mesh of one part of each kind with all copies, grouped as the source; and faces.
+
+        The (n,) faces are those of `low`.
+        """
         pieces = [
             (each.numbers[0], number, matrix)
             for each in self.left_in(low).copies
             for number, matrix in zip(*each, strict=True)
         ]
         whole, faces = self._placed(low, pieces)
-        materials = replace(materials, face_materials=materials.face_materials[faces])
         has_groups = self.source.face_groups is not None
         return whole.replace(
             face_groups=self.nodes[_groups(whole)] if has_groups else None,
             group_names=self.source.group_names if has_groups else (),
             group_objects=self.source.group_objects,
-        ), materials
+        ), faces
 
     def _placed(
         self, low: Mesh, pieces: Sequence[tuple[int, int, FloatArray]]
@@ -197,7 +224,7 @@ class RepeatedParts:
         of_group = {take: faces_of[take] for take, *_ in pieces}
         of_parts = [rest, *(of_group[take] for take, *_ in pieces)]
         excerpts = {take: excerpt(low, faces) for take, faces in of_group.items()}
-        parts = [excerpts[take] for take, *_ in pieces]
+        parts = [self._bound_as(to, excerpts[take]) for take, to, _ in pieces]
         matrices = [matrix for *_, matrix in pieces]
         if len(rest):
             parts.insert(0, excerpt(low, rest))
@@ -212,6 +239,20 @@ class RepeatedParts:
             group_objects=self.mesh.group_objects,
         )
         return joined, np.concatenate(of_parts)
+
+    def _bound_as(self, group: int, part: Mesh) -> Mesh:
+        """Return a part that moves as a rigid group of `mesh` does."""
+        if self.mesh.deformation is None:
+            return part
+        vertex = self._first_vertices[group]
+        bound = self.mesh.deformation.of(np.full(part.n_vertices, vertex))
+        return part.replace(deformation=bound)
+
+    @cached_property
+    def _first_vertices(self) -> dict[int, int]:
+        """A vertex of each group."""
+        numbers, faces = np.unique(_groups(self.mesh), return_index=True)
+        return dict(zip(numbers.tolist(), self.mesh.faces[faces, 0].tolist(), strict=True))
 
 
 def _groups(mesh: Mesh) -> IntArray:

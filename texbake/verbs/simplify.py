@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from texbake.jobs.mesh_output import MeshFileMaterials
     from texbake.jobs.outputs import JobResult
     from texbake.mesh.mesh import Mesh
+    from texbake.mesh.repeated_parts import RepeatedParts
     from texbake.mesh.simplify import SimplifyReport
     from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.progress import Progress
@@ -223,10 +224,16 @@ def _level(
     from texbake.mapping.overlap import layout_notes
     from texbake.mesh.hard_edges import with_normals
     from texbake.mesh.reduction import object_by_object
+    from texbake.mesh.repeated_parts import RepeatedParts
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
     from texbake.mesh.triangle_tree import with_nearest_attributes
     from texbake.mesh.wrapping import wraps
 
+    repeated = None
+    if options.error is None:  # which is that of each instance
+        rig = materials.rig_of(high, output)
+        repeated = RepeatedParts.instances(high, materials.materials, rig)
+        high = high if repeated is None else repeated.mesh
     bordered = MaterialPartition.of(high, materials) if materials.fit(output, mtl=mtl) else None
     given = high if bordered is None else bordered.mesh
     low, figures = simplify_with_report(
@@ -248,14 +255,29 @@ def _level(
             figures = measured_to(figures, source or high, low, threads=threads)
             figures = replace(figures, notes=(_CLOSED, *figures.notes))
             low = object_by_object(with_nearest_attributes(low, given, threads))
+            repeated = None
         remedy = _MORE if options.topology == "simplify" else _CLOSE
         check_count(figures.n_faces, count, high.name, remedy)
     if bordered is not None:
         low, materials = bordered.restored(low, high)
+    if repeated is not None:
+        low, materials = _with_equal_instances(low, materials, repeated)
+        figures = measured_to(figures, high, low, threads=threads)
+        figures = replace(figures, n_faces=low.n_faces, n_vertices=low.n_vertices)
     notes = (*figures.notes, *layout_notes(low, high, threads=threads))
     figures = replace(figures, notes=notes)
     low = with_normals(low, options.normals, angle=options.angle)
     return write_result(low, output, materials, figures, mtl=mtl)
+
+
+def _with_equal_instances(
+    low: Mesh, materials: MeshFileMaterials, repeated: RepeatedParts
+) -> tuple[Mesh, MeshFileMaterials]:
+    """Return a simplified mesh, and its materials, with the same triangles in all instances."""
+    for made in (repeated.one_each, repeated.restored):
+        low, faces = made(low)
+        materials = materials.of_faces(faces)
+    return low, materials
 
 
 @dataclass(frozen=True, kw_only=True)

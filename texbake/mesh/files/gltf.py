@@ -1,8 +1,8 @@
 """Reading glTF 2.0, as .glb or as .gltf with its buffers beside it or in it.
 
 All triangles of the scene are joined into one mesh, in world space, one group for each primitive
-of a node, so that a mesh that two nodes place is there twice. `gltf_primitives` says what becomes
-of vertices.
+of a node, so that a mesh that two nodes place is there twice. Instances of EXT_mesh_gpu_instancing
+are nodes below theirs. `gltf_primitives` says what becomes of vertices.
 
 Skinned meshes come in the pose they are stored in, without their node's transform, and morph
 targets at rest; `Mesh.deformation` has what moves them. Where only some primitives have texture
@@ -30,7 +30,7 @@ from texbake.limits import most_triangles
 from texbake.mesh.compose import MeshPart, join_parts
 from texbake.mesh.deformation import Deformation, largest_weights
 from texbake.mesh.files.conversion import check_corner_count
-from texbake.mesh.files.gltf_document import Document, read_document
+from texbake.mesh.files.gltf_document import INSTANCING, Document, read_document
 from texbake.mesh.files.gltf_primitives import (
     INDICES,
     TRIANGLES,
@@ -45,6 +45,7 @@ from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh, require_fe
 from texbake.mesh.rig import moving_ancestors, rotation_matrices
 from texbake.records import dataclass
 
+_PLACES = {"TRANSLATION": ("translation", 3), "ROTATION": ("rotation", 4), "SCALE": ("scale", 3)}
 _MOVES = ("translation", "rotation", "scale")
 MAX_TRIANGLES = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
@@ -290,13 +291,41 @@ def scene_nodes(document: Document) -> SceneNodes:
         if "children" in node:
             children = indices(document, node, "children")
             pending += [(child, len(found), level + 1) for child in reversed(children)]
-        found.append(node)
-        numbers.append(index)
-        parents.append(parent)
-        levels.append(level)
+        place, copies = len(found), _instances(document, node)
+        if copies is None:
+            found.append(node)
+            copies = []
+        else:
+            found += [{key: node[key] for key in node if key != "mesh"}, *copies]
+        # Instances have no number in the file.
+        numbers += [index, *range(len(nodes) + place, len(nodes) + place + len(copies))]
+        parents += [parent] + [place] * len(copies)
+        levels += [level] + [level + 1] * len(copies)
     return SceneNodes(
         document, found, numbers, np.array(parents, np.int64), np.array(levels, np.int64)
     )
+
+
+def _instances(document: Document, node: dict[str, Any]) -> list[dict[str, Any]] | None:
+    """Nodes of the copies of a mesh, to stand below a node; None if it shows its mesh itself."""
+    copying = document.mapping(document.mapping(node, "extensions"), INSTANCING)
+    accessors = document.mapping(copying, "attributes")
+    if "mesh" not in node or "skin" in node or not _PLACES.keys() & accessors.keys():
+        return None
+    columns = {}
+    for attribute, (field, width) in _PLACES.items():
+        if attribute in accessors:
+            columns[field] = rows = document.accessor(accessors[attribute]).astype(np.float64)
+            if rows.shape[1] != width or not np.isfinite(rows).all():
+                document.fail(f"{attribute} of instances does not have {width} finite numbers each")
+    if len({len(rows) for rows in columns.values()}) > 1:
+        document.fail("attributes of instances differ in their counts")
+    lists = {field: rows.tolist() for field, rows in columns.items()}
+    own: dict[str, Any] = {key: node[key] for key in ("name", "mesh", "weights") if key in node}
+    return [
+        {**own, **dict(zip(lists, values, strict=True))}
+        for values in zip(*lists.values(), strict=True)
+    ]
 
 
 def _roots(document: Document, nodes: list[dict[str, Any]]) -> list[int]:

@@ -4,9 +4,10 @@ Codes of meshoptimizer are lossless, except that a triangle may begin with anoth
 `gltf_primitives` reads Draco.
 
 Positions are 16-bit steps of one grid for the whole file, so that what was one point in several
-primitives still is; the node has its place and its step. Normals, tangents and colors are 8-bit
-fractions. Texture coordinates are 16-bit fractions of a square that KHR_texture_transform puts back
-into place, and floats where steps would be seen, or no texture can carry it.
+primitives still is; the node has its place and its step. Instances have a grid of their own.
+Normals, tangents and colors are 8-bit fractions. Texture coordinates are 16-bit fractions of a
+square that KHR_texture_transform puts back into place, and floats where steps would be seen, or no
+texture can carry it.
 
 Based on:
     Arseny Kapoulkine, "EXT_meshopt_compression", Khronos vendor extension, 2021, whose bitstreams
@@ -138,6 +139,16 @@ class Grid:
         steps = np.rint((values - self.corner) / self.step)
         return np.clip(steps, 0, _STEPS).astype(np.uint16)
 
+    def place(self) -> dict[str, Any]:
+        """Fields of a node that take codes of positions to where they are."""
+        return {"translation": self.corner.tolist(), "scale": [self.step] * 3}
+
+    def matrix(self) -> FloatArray:
+        """(4, 4) float64: matrix that takes codes of positions to where they are."""
+        matrix: FloatArray = np.diag([self.step] * 3 + [1.0])
+        matrix[:3, 3] = self.corner
+        return matrix
+
 
 @dataclass(frozen=True, eq=False)
 class Quantization:
@@ -170,16 +181,6 @@ class Quantization:
             is_moved = uv_set in images and (high - low).max() <= _MAX_SIDE
             grids[uv_set] = Grid.around(low, high) if is_moved else None
         return cls(Grid.around(bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)), grids)
-
-    def place(self) -> dict[str, Any]:
-        """Fields of a node that take codes of positions to the scene."""
-        return {"translation": self.positions.corner.tolist(), "scale": [self.positions.step] * 3}
-
-    def matrix(self) -> FloatArray:
-        """(4, 4) float64: matrix that takes codes of positions to the scene."""
-        matrix: FloatArray = np.diag([self.positions.step] * 3 + [1.0])
-        matrix[:3, 3] = self.positions.corner
-        return matrix
 
     def uvs(self, uv_set: int, turned: FloatArray) -> AnyArray:
         """Codes of texture coordinates, v down; floats of a set that stays as it is."""

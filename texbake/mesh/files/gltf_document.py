@@ -36,8 +36,10 @@ BINARY_CHUNK = 0x004E4942
 # Required extensions that change nothing about where triangles are, or only the component types
 # of attributes, which accessors carry anyway. Any other may hide the mesh itself.
 _HARMLESS = re.compile(r"[A-Z]+_(?:materials|texture|lights|animation)_")
+INSTANCING = "EXT_mesh_gpu_instancing"
 _READ = (
     EXTENSION,
+    INSTANCING,
     "MSFT_lod",
     "KHR_mesh_quantization",
     DRACO,

@@ -16,7 +16,7 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mesh.files.gltf_asset import GltfAsset
-from texbake.mesh.files.gltf_compression import Quantization
+from texbake.mesh.files.gltf_compression import Grid, Quantization
 from texbake.mesh.files.gltf_vertices import Frame
 from texbake.mesh.files.unread_parts import LIGHTS
 from texbake.mesh.mesh import AnyArray, FloatArray, IndexArray, IntArray, Mesh
@@ -33,13 +33,19 @@ class RigWriter:
         self.placed_apart: dict[str, list[str]] = {}  # objects at the root, by the reason
         self._apart: dict[int, int] = {}  # the nodes of those, by the nodes that they came from
         self._with_targets: set[int] = set()  # meshes with morph targets
+        # Meshes by their nodes, and what is said of the nodes below those.
+        self._placed: dict[int, tuple[int, dict[str, Any] | None]] = {}
         self._accessors: dict[tuple[int, bool], int] = {}  # of the arrays of the rig, written once
 
-    def frame(self, item: RigObject, mesh: Mesh, faces: IndexArray) -> Frame:
+    def frame(self, item: RigObject, mesh: Mesh, faces: IndexArray, *, is_repeated: bool) -> Frame:
         """Return the space in which the faces of an object are written."""
         skin = self.nodes[item.node].get("skin")
         joints = None
         matrix = inverse(item.matrix)
+        if is_repeated and self.quantization is not None and matrix is not None:
+            points = mesh.positions[np.unique(mesh.faces[faces])]
+            points = pm.matmul(points, matrix[:3, :3].T) + matrix[:3, 3]
+            return Frame(matrix, grid=Grid.around(points.min(axis=0), points.max(axis=0)))
         if skin is not None and mesh.deformation is not None and matrix is not None:
             vertices = np.unique(mesh.faces[faces])
             bound = mesh.deformation.weights[vertices] > 0.0
@@ -58,8 +64,7 @@ class RigWriter:
         name: str,
         primitives: list[dict[str, Any]],
         extras: dict[str, Any],
-        *,
-        is_coded: bool,
+        frame: Frame,
     ) -> None:
         """Add the mesh of an object, and hang it on its node."""
         fields = dict(item.fields)
@@ -75,17 +80,33 @@ class RigWriter:
         if any("JOINTS_0" in primitive["attributes"] for primitive in primitives):
             node["mesh"] = mesh
             return
-        to_node = inverse(item.matrix)
-        codes = self.quantization.matrix() if is_coded and self.quantization is not None else None
+        to_node, codes, below = inverse(item.matrix), None, None
+        if self.quantization is not None and frame.is_on_common_grid:
+            codes = self.quantization.positions.matrix()
         if to_node is None or self._ignores_node(item):
             why = "its node flattens it" if to_node is None else "it has lost its skin"
             self._place_apart(item, name, mesh, codes, why)
-        elif codes is not None:
-            node["children"] = [*node.get("children", ()), len(self.nodes)]
-            self.nodes.append({"mesh": mesh, **matrix_field(pm.matmul(to_node, codes))})
         else:
-            node["mesh"] = mesh
+            if codes is not None:
+                below = matrix_field(pm.matmul(to_node, codes))
+            elif frame.grid is not None:
+                below = frame.grid.place()
+            self._placed[item.node] = mesh, below
+            self._hang(item.node, mesh, below)
         node.pop("skin", None)
+
+    def place_again(self, item: RigObject, first: RigObject) -> None:
+        """Hang the mesh of a first object on the node of one that is the same in its space."""
+        self._hang(item.node, *self._placed[first.node])
+
+    def _hang(self, number: int, mesh: int, below: dict[str, Any] | None) -> None:
+        """Hang a mesh on a node, or on a new one below it with the fields `below`."""
+        node = self.nodes[number]
+        if below is None:
+            node["mesh"] = mesh
+            return
+        node["children"] = [*node.get("children", ()), len(self.nodes)]
+        self.nodes.append({"mesh": mesh, **below})
 
     def _ignores_node(self, item: RigObject) -> bool:
         """Whether an object, such as a skinned one, ignores the transform of its node."""

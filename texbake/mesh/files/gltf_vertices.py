@@ -21,6 +21,7 @@ from texbake.mesh.deformation import Morph, largest_weights
 from texbake.mesh.distance import area_vectors
 from texbake.mesh.files.conversion import as_text
 from texbake.mesh.files.gltf_compression import (
+    Grid,
     Quantization,
     color_codes,
     ordered_triangles,
@@ -54,6 +55,7 @@ class Frame:
     joints: IntArray | None = None  # (n,) int32: number of each node in the skin; -1 outside it
     n_morphs: int = 0
     has_morph_normals: bool = False
+    grid: Grid | None = None  # of positions in this space; None for that of the whole mesh
 
     @property
     def linear(self) -> FloatArray:
@@ -64,6 +66,11 @@ class Frame:
     def is_rigid(self) -> bool:
         """Whether the object has neither joints nor morph targets."""
         return self.joints is None and self.n_morphs == 0
+
+    @property
+    def is_on_common_grid(self) -> bool:
+        """Whether a quantized file counts positions from one corner of the whole mesh."""
+        return self.is_rigid and self.grid is None
 
 
 class Vertices(NamedTuple):
@@ -89,7 +96,7 @@ class CornerVertices:
         self, faces: IndexArray, material: int, *, compress: bool, frame: Frame | None = None
     ) -> Vertices:
         """Vertices of faces of one material, in the space of a node `frame` if they hang on one."""
-        if self.quantization is not None and frame is not None and frame.is_rigid:
+        if self.quantization is not None and frame is not None and frame.is_on_common_grid:
             frame = None
         corners = self._columns(faces, material, frame)
         turn = slice(None) if frame is None else corner_order(frame.linear)
@@ -154,6 +161,8 @@ class CornerVertices:
         if quantization is not None:
             if frame is None:
                 columns["POSITION"] = quantization.positions.codes(points)
+            elif frame.grid is not None:
+                columns["POSITION"] = frame.grid.codes(columns["POSITION"].astype(np.float64))
             for name, codes in _CODES.items():
                 if name in columns:
                     columns[name] = codes(columns[name])

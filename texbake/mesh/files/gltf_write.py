@@ -2,9 +2,10 @@
 
 Corners become vertices of a GPU stream, one where all attributes agree, bit for bit. Triangles keep
 their order within a primitive, except in a compressed file. A mesh with a `Rig` goes back to the
-nodes that it came from. Without one, each group is a mesh and a node with its name. Names of
-further sets of texture coordinates are in the `extras` of the meshes. Tangents are those of the
-mesh, else those of MikkTSpace for the coordinates that the normal map lies on.
+nodes that it came from, and nodes of equal objects share a mesh. Without one, each group is a mesh
+and a node with its name. Names of further sets of texture coordinates are in the `extras` of the
+meshes. Tangents are those of the mesh, else those of MikkTSpace for the coordinates that the normal
+map lies on.
 
 Levels of detail are nodes outside the scene: a reader that does not know MSFT_lod shows only the
 finest level.
@@ -33,6 +34,7 @@ from texbake.mesh.files.gltf_material_write import add_material, uv_numbers
 from texbake.mesh.files.gltf_mesh_materials import VARIANTS
 from texbake.mesh.files.gltf_rig_write import RigWriter
 from texbake.mesh.files.gltf_vertices import CornerVertices, Frame
+from texbake.mesh.instances import instances
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import IndexArray, Mesh
 from texbake.mesh.rig import Rig, RigObject
@@ -143,7 +145,7 @@ def _add_groups(
     writer = _PrimitiveWriter(asset, vertices)
     place: dict[str, Any] = {"translation": origin.tolist()} if origin.any() else {}
     if quantization is not None:
-        place = quantization.place()
+        place = quantization.positions.place()
     nodes = []
     for _, group, faces in _groups(mesh, name):
         index = asset.add_mesh(group, writer.primitives(faces), **vertices.uv_set_names())
@@ -160,7 +162,7 @@ def _add_objects(
     rig: Rig,
     tangents: bool,
 ) -> None:
-    """Add each object of a rig as the mesh of its node, a primitive per group and material."""
+    """Add each object of a rig as the mesh of its node, and equal ones once."""
     vertices = CornerVertices(mesh, np.zeros(3), materials, quantization, tangents)
     writer, places = _PrimitiveWriter(asset, vertices), RigWriter(asset, rig, quantization)
     extras = vertices.uv_set_names().get("extras", {})
@@ -169,10 +171,17 @@ def _add_objects(
         item = rig.object_of(number, mesh)
         assert item is not None
         objects.setdefault(item.node, (item, group, []))[2].append(faces)
+    kinds = [[rig.objects[number] for number in kind] for kind in instances(mesh, rig, writer.ids)]
+    first_of = {item.node: kind[0] for kind in kinds for item in kind}
     for item, group, parts in objects.values():
-        frame = places.frame(item, mesh, np.concatenate(parts))
+        first = first_of.get(item.node)
+        if first is not None and first is not item:
+            places.place_again(item, first)
+            continue
+        faces = np.concatenate(parts)
+        frame = places.frame(item, mesh, faces, is_repeated=first is not None)
         primitives = [found for faces in parts for found in writer.primitives(faces, frame)]
-        places.place(item, group, primitives, extras, is_coded=frame.is_rigid)
+        places.place(item, group, primitives, extras, frame)
     places.finish()
     for why, names in places.placed_apart.items():
         listed = ", ".join(first_few(names))
@@ -188,16 +197,16 @@ class _PrimitiveWriter:
         self._numbers = {} if materials is None else uv_numbers(materials)
         self._uv_matrices = {} if quantization is None else quantization.uv_matrices()
         n_faces = vertices.mesh.n_faces
-        self._ids = np.zeros(n_faces, np.int32) if materials is None else materials.face_materials
+        self.ids = np.zeros(n_faces, np.int32) if materials is None else materials.face_materials
         # indices of materials in the file, by their numbers and the units of their thickness
         self._written: dict[tuple[int, str], int] = {}
 
     def primitives(self, faces: IndexArray, frame: Frame | None = None) -> list[dict[str, Any]]:
         """Add the primitives of some faces, one for each material."""
-        return [self._primitive(faces, number, frame) for number in np.unique(self._ids[faces])]
+        return [self._primitive(faces, number, frame) for number in np.unique(self.ids[faces])]
 
     def _primitive(self, faces: IndexArray, number: int, frame: Frame | None) -> dict[str, Any]:
-        asset, part = self.asset, faces[self._ids[faces] == number]
+        asset, part = self.asset, faces[self.ids[faces] == number]
         with np.errstate(over="ignore"):
             found = self.vertices.stream(part, number, compress=asset.is_compressed, frame=frame)
         primitive = asset.add_primitive(found.columns, found.indices, self._material(number, frame))
@@ -223,7 +232,8 @@ class _PrimitiveWriter:
         quantization = self.vertices.quantization
         if is_thick and quantization is not None and (frame is None or frame.is_rigid):
             # Units of the node are those of the material, and are replaced by steps.
-            units = _node_unit(frame) / quantization.positions.step
+            own = None if frame is None else frame.grid
+            units = _node_unit(frame) / quantization.positions.step if own is None else 1 / own.step
         key = number, f"{units:.5g}"  # nodes that are turned differ by rounding
         if key not in self._written:
             self._written[key] = add_material(

@@ -48,6 +48,7 @@ SHOWN = (
     "KHR_mesh_quantization",
     "KHR_texture_transform",
     "KHR_xmp_json_ld",
+    "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "MSFT_lod",
