@@ -188,7 +188,7 @@ def _one_sided(
     tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
     boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
     n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
-    face_ids, barycentrics = _spread_samples(positions, faces, n, seed, threads)
+    face_ids, barycentrics = spread_samples(positions, faces, n, seed, threads)
     samples = _points_on(positions, faces, face_ids, barycentrics)
     of_samples = tree.closest_points(samples, threads=threads)[0]
     of_vertices, _, _ = tree.closest_points(_some_vertices(positions, faces, n), threads=threads)
@@ -221,7 +221,7 @@ def sample_surface(
     if n < 1:
         raise OptionError(f"n: {n} is too few; it must be at least 1")
     local = LocalFrame.around(mesh).to_local(mesh.positions)
-    face_ids, barycentrics = _spread_samples(local, mesh.faces, n, seed, threads)
+    face_ids, barycentrics = spread_samples(local, mesh.faces, n, seed, threads)
     return _points_on(mesh.positions, mesh.faces, face_ids, barycentrics), face_ids, barycentrics
 
 
@@ -229,11 +229,11 @@ def sample_points(
     positions: FloatArray, faces: IntArray, n: int, *, threads: int | None = None
 ) -> FloatArray:
     """(n, 3) float64: points in equal steps of the area of faces, of about unit size."""
-    face_ids, barycentrics = _spread_samples(positions, faces, n, 0, threads)
+    face_ids, barycentrics = spread_samples(positions, faces, n, 0, threads)
     return _points_on(positions, faces, face_ids, barycentrics)
 
 
-def _spread_samples(
+def spread_samples(
     positions: FloatArray, faces: IntArray, n: int, seed: int, threads: int | None
 ) -> tuple[IntArray, FloatArray]:
     """Face and barycentrics of each sample, by `core/pcg64.c`; positions of about unit size."""

@@ -36,6 +36,7 @@ from texbake.mesh.mesh import IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.piecewise import bring_down
+from texbake.mesh.refit import refitted
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import (
     with_nearest_attributes,
@@ -310,13 +311,14 @@ def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -
 
 
 def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Reduction:
-    """Of both results the one that reaches the count, or else the closest."""
+    """Of the results the one that reaches the count, or else the closest."""
     start = fast.start
     assert start is not None
     low = _moved(mesh, start, n_faces, threads)
     if low is None:
         return fast
     moved_result = replace(fast, mesh=low, method="moved vertices")
+    results = (fast, moved_result, replace(moved_result, mesh=refitted(mesh, low, threads)))
 
     def order(result: Reduction) -> tuple[int, float]:
         beyond = max(result.mesh.n_faces - n_faces, 0)
@@ -328,4 +330,4 @@ def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Red
         touching = _ABOUT_AS_CLOSE if CUT in result.notes and result is fast else 1.0
         return beyond, touching * rms * rms * most
 
-    return min((fast, moved_result), key=order)
+    return min(results, key=order)

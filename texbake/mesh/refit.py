@@ -1,0 +1,199 @@
+"""The vertices of a simplified mesh, moved to where its surface lies closest to the original.
+
+A collapse puts a vertex where it is best among its neighbors at that time. In the end, all of them
+are fitted together: points spread over both surfaces say where the closest points of the triangles
+should be, the farther ones more. The triangles stay what they are, and so do open edges and flat
+parts. A vertex goes back to where it was if a face would fold, or the surface would leave the
+original by more.
+
+Based on: Hugues Hoppe, Tony DeRose, Tom Duchamp, John McDonald, Werner Stuetzle, "Mesh
+optimization", SIGGRAPH 1993. Kernel: `core/surface_fit.c`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from texbake.core import core
+from texbake.mesh.distance import area_vectors, spread_samples
+from texbake.mesh.frame import UnitGrid
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
+from texbake.mesh.topology import find_edges
+from texbake.mesh.triangle_tree import TriangleTree
+from texbake.mesh.weld import later_copies, row_sums, weld_rows
+from texbake.records import dataclass
+
+_ROUNDS = 3
+# Samples on each surface: for each triangle of the simplified one, and within these numbers.
+_SAMPLES_A_FACE, _FEWEST_SAMPLES, _MOST_SAMPLES = 10, 5_000, 40_000
+# Weight of a place that stands for no area: a vertex, or one at these shares of an edge.
+_POINT_WEIGHT = 0.5
+_ON_EDGES = (0.25, 0.5, 0.75)
+# A surface may leave the other by this share of the greatest distance, or where it already did.
+_FAR = 0.95
+# A face lies on the other surface if no place on it is farther than this share of the RMS distance.
+_EXACT = 0.3
+_LEAST_COSINE = 0.5  # between the normals of a face before and after
+_FLATTEST = 1e-3  # height of a face as a share of its longest edge
+_HALVINGS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class _Samples:
+    """Places on triangles, by the shares of their corners, and where they should be."""
+
+    corners: IntArray  # (n, 3) int32
+    shares: FloatArray  # (n, 3) float64
+    targets: FloatArray  # (n, 3) float64
+    distances: FloatArray  # (n,) float64
+    weights: FloatArray  # (n,) float64
+    is_exact: BoolArray  # (F,) bool: faces that lie on the other surface
+
+    def farthest(self, n_vertices: int) -> FloatArray:
+        """(n_vertices,) greatest distance of the samples that a vertex has a share of."""
+        most = np.zeros(n_vertices)
+        for corner in range(3):
+            own = self.shares[:, corner] > 0.0
+            np.maximum.at(most, self.corners[own, corner], self.distances[own])
+        return most
+
+
+class _Fit:
+    """Two surfaces between which samples are taken, on one grid."""
+
+    def __init__(
+        self, source: FloatArray, of_source: IntArray, faces: IntArray, threads: int | None
+    ):
+        self.faces, self.threads = faces, threads
+        self.edges = find_edges(faces)
+        tails, heads = self.edges.vertices.T
+        ids = np.unique(faces)
+        lines = [np.stack([tails, heads, heads], axis=1)] * len(_ON_EDGES)
+        self.on_points = np.concatenate([faces, *lines, np.repeat(ids[:, None], 3, axis=1)])
+        counts = [len(faces)] + [len(tails)] * len(_ON_EDGES) + [len(ids)]
+        on_edges = [[1.0 - t, t, 0.0] for t in (*_ON_EDGES, 0.0)]
+        self.of_points = np.repeat([[1.0 / 3.0] * 3, *on_edges], counts, axis=0)
+        self.tree = TriangleTree.build(source, of_source, threads=threads)
+        n = min(max(_SAMPLES_A_FACE * len(faces), _FEWEST_SAMPLES), _MOST_SAMPLES)
+        self.n_samples = n
+        on_source, shares = spread_samples(source, of_source, n, 0, threads)
+        used = np.unique(of_source)
+        used = used[np.arange(min(n, len(used))) * len(used) // min(n, len(used))]
+        self.own = np.concatenate([_places(source, of_source[on_source], shares), source[used]])
+
+    def samples(self, points: FloatArray) -> _Samples:
+        """Sample both surfaces, with the vertices of one at some points."""
+        n, faces = self.n_samples, self.faces
+        tree = TriangleTree.build(points, faces, threads=self.threads)
+        to_here, ids, shares = tree.closest_points(self.own, threads=self.threads)
+        on_faces, of_faces = spread_samples(points, faces, n, 0, self.threads)
+        corners = np.concatenate([faces[on_faces], self.on_points])
+        of_corners = np.concatenate([of_faces, self.of_points])
+        places = _places(points, corners, of_corners)
+        there, on_source, of_source = self.tree.closest_points(places, threads=self.threads)
+        closest = _places(self.tree.positions, self.tree.faces[on_source], of_source)
+        weights = np.full(len(self.own) + len(places), _POINT_WEIGHT)
+        weights[:n] = weights[len(self.own) : len(self.own) + n] = 1.0 + _POINT_WEIGHT
+        distances = np.concatenate([to_here, there])
+        squares = np.square(distances)
+        # Places that faces hold alone are those spread over them, and their middles.
+        n_inside = n + len(faces)
+        faces_inside = np.concatenate([on_faces, np.arange(len(faces))])
+        is_off = there[:n_inside] > _EXACT * np.sqrt(squares.mean())
+        is_exact = np.bincount(faces_inside[is_off], minlength=len(faces)) == 0
+        weights *= 1.0 + squares / max(float(squares.mean()), 1e-300)
+        return _Samples(
+            np.concatenate([faces[ids], corners]),
+            np.concatenate([shares, of_corners]),
+            np.concatenate([self.own, closest]),
+            distances,
+            weights,
+            is_exact,
+        )
+
+
+def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
+    """Return `low`, its vertices moved closer to `mesh`.
+
+    With attributes, vertices move along their normals, or freely at hard edges. Those of edges that
+    do not have two faces stay.
+    """
+    grid = UnitGrid.around(mesh)
+    before, source = grid.to_grid(low.positions), grid.to_grid(mesh.positions)
+    # Neither the winding of faces nor copies of them change what is sampled.
+    faces = np.sort(low.faces, axis=1)
+    of_source = np.sort(weld_rows(source, threads=threads)[mesh.faces], axis=1)
+    fit = _Fit(source, of_source[~later_copies(of_source)], faces, threads)
+    has_attributes = low.uv_faces is not None or low.normal_faces is not None
+    freedoms = np.full(len(before), 1 if has_attributes else 2, dtype=np.uint8)
+    freedoms[_vertices_of_hard_edges(low)] = 2
+    freedoms[fit.edges.vertices[fit.edges.n_faces != 2]] = 0
+    points, samples = before, fit.samples(before)
+    is_exact = samples.is_exact
+    for _ in range(_ROUNDS):
+        moved = points.copy()
+        core.fit_vertices(
+            samples.corners, samples.shares, samples.targets, samples.weights,
+            faces, is_exact, freedoms, _normals(points, faces), moved,
+        )  # fmt: skip
+        moved = _without_folds(points, moved, faces)
+        after = fit.samples(moved)
+        allowed = np.maximum(
+            samples.farthest(len(before)), _FAR * float(samples.distances.max(initial=0.0))
+        )
+        is_far = after.farthest(len(before)) > allowed
+        near = np.unique(faces[is_far[faces].any(axis=1)])
+        moved[near] = points[near]
+        points, samples = moved, after if len(near) == 0 else fit.samples(moved)
+    return low.replace(positions=low.positions + grid.length_to_model(points - before))
+
+
+def _vertices_of_hard_edges(mesh: Mesh) -> IndexArray:
+    """Vertices with more than one normal, which may leave none of the sides for the other."""
+    if mesh.normal_faces is None:
+        return np.empty(0, dtype=np.intp)
+    pairs = np.unique(np.stack([mesh.faces.ravel(), mesh.normal_faces.ravel()], axis=1), axis=0)
+    return np.flatnonzero(np.bincount(pairs[:, 0], minlength=mesh.n_vertices) > 1)
+
+
+def _places(points: FloatArray, corners: IntArray, shares: FloatArray) -> FloatArray:
+    """(n, 3) points at the shares of some corners, both (n, 3)."""
+    return np.asarray(sum(shares[:, i, None] * points[corners[:, i]] for i in range(3)))
+
+
+def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
+    """(V, 3) unit normals of vertices by the areas of their faces, 0 without any."""
+    normals = row_sums(
+        faces.ravel(), np.repeat(area_vectors(points, faces), 3, axis=0), len(points)
+    )
+    lengths = np.sqrt(np.square(normals).sum(axis=1, keepdims=True))
+    return np.asarray(normals / np.maximum(lengths, 1e-300))
+
+
+def _shapes(points: FloatArray, faces: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Doubled area vectors (F, 3) of faces, and heights as shares of longest edges (F,)."""
+    across = area_vectors(points, faces)
+    edges = points[faces] - points[np.roll(faces, 1, axis=1)]
+    longest = np.square(edges).sum(axis=2).max(axis=1)
+    areas = np.sqrt(np.square(across).sum(axis=1))
+    return across, areas / np.maximum(longest, 1e-300)
+
+
+def _folds(before: FloatArray, after: FloatArray, faces: IntArray) -> BoolArray:
+    """(F,) bool: faces that turn too far, or become flat."""
+    (old, old_heights), (new, new_heights) = _shapes(before, faces), _shapes(after, faces)
+    cosines = (old * new).sum(axis=1)
+    sizes = np.sqrt(np.square(old).sum(axis=1) * np.square(new).sum(axis=1))
+    is_flat = new_heights < np.minimum(_FLATTEST, old_heights)
+    return np.asarray((cosines < _LEAST_COSINE * sizes) | is_flat)
+
+
+def _without_folds(before: FloatArray, after: FloatArray, faces: IntArray) -> FloatArray:
+    """Take back steps of vertices of faces that would fold, by parts, then wholly."""
+    step = after - before
+    for halving in range(_HALVINGS + len(faces)):
+        folded = _folds(before, before + step, faces)
+        if not folded.any():
+            break
+        step[np.unique(faces[folded])] *= 0.4 if halving < _HALVINGS else 0.0
+    return np.asarray(before + step)
