@@ -18,6 +18,7 @@ import numpy as np
 
 from texbake.errors import MeshError
 from texbake.mesh.compose import face_fields
+from texbake.mesh.decals import decals_raised
 from texbake.mesh.decimate import (
     VertexStream,
     boundary_fits,
@@ -119,7 +120,7 @@ def reduced(
     note = _why_not(result, n_faces)
     if note is not None:
         result = noted(result, note)
-    reduced_mesh = result.mesh
+    reduced_mesh = decals_raised(mesh, result.mesh, threads)
     if has_borders(mesh):
         reduced_mesh = with_nearest_groups(reduced_mesh, mesh, threads)
     return replace(

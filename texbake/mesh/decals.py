@@ -1,0 +1,149 @@
+"""Thin sheets that lie on a larger surface, such as stickers and labels, kept above it.
+
+A simplified sheet and what it lies on have triangles of their own, so that one would sink into the
+other where they are closer together than what simplifying changes. Sheets are found in the
+original, by how they lie over larger parts, and raised in the result where they are too low.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from texbake.mesh.distance import area_vectors, unit_normals
+from texbake.mesh.frame import LocalFrame
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.objects import weld_vertices
+from texbake.mesh.topology import face_components, find_edges
+from texbake.mesh.triangle_tree import TriangleTree
+
+# A sheet has at most this share of the area of what it lies on, and lies this close to it, as a
+# share of its own size. Its normals are those of the surface to this cosine, as is the way down.
+_LARGEST, _CLOSE, _LEAST_COSINE = 0.5, 0.05, 0.9
+# Parts that may have sheets on them, by area: those above the largest part divided by each.
+_HOSTS = (1.0, 8.0, 64.0, 512.0)
+# A sheet is found again by its box and area, as shares of its size and area.
+_SAME_BOX, _SAME_AREA = 0.15, 0.35
+_KEPT = 0.5  # share of its height over the surface that a sheet keeps everywhere
+_ROUNDS, _STEPS = 4, 10  # times that a sheet is raised, and steps between places along an edge
+
+
+class _Parts:
+    """The parts of a mesh that no edge connects, with positions in a local frame."""
+
+    def __init__(self, points: FloatArray, mesh: Mesh, threads: int | None):
+        self.points, self.faces, self.threads = points, mesh.faces, threads
+        self.welded = weld_vertices(mesh, threads=threads)[mesh.faces]
+        self.numbers, self.n = face_components(self.welded, mesh.n_vertices)
+
+    @cached_property
+    def areas(self) -> FloatArray:
+        """(n,) area of each."""
+        across = area_vectors(self.points, self.faces)
+        halves = 0.5 * np.sqrt(np.square(across).sum(axis=1))
+        return np.asarray(np.bincount(self.numbers, halves, self.n), dtype=np.float64)
+
+    @cached_property
+    def boxes(self) -> FloatArray:
+        """(n, 2, 3) least and greatest corner of each."""
+        boxes = np.stack([np.full((self.n, 3), np.inf), np.full((self.n, 3), -np.inf)], axis=1)
+        for corner in range(3):
+            np.minimum.at(boxes[:, 0], self.numbers, self.points[self.faces[:, corner]])
+            np.maximum.at(boxes[:, 1], self.numbers, self.points[self.faces[:, corner]])
+        return boxes
+
+    @cached_property
+    def sizes(self) -> FloatArray:
+        """(n,) longest side of each box."""
+        return np.asarray((self.boxes[:, 1] - self.boxes[:, 0]).max(axis=1))
+
+    @cached_property
+    def is_open(self) -> BoolArray:
+        """(n,) bool: those with a boundary."""
+        edges = find_edges(self.welded)
+        at_edge = np.zeros(len(self.points), dtype=np.bool_)
+        at_edge[edges.vertices[edges.boundary]] = True
+        return np.bincount(self.numbers, at_edge[self.welded].any(axis=1), self.n) > 0
+
+    def sheets(self) -> FloatArray:
+        """(n,) least height of each part over a larger one that it lies on; NaN for others."""
+        found = np.full(self.n, np.nan)
+        for share in _HOSTS:
+            limit = self.areas.max() / share
+            wanted = self.is_open & (self.areas <= _LARGEST * limit) & np.isnan(found)
+            rows = np.flatnonzero(wanted[self.numbers])
+            if not len(rows):
+                break
+            hosts = self.faces[(self.areas >= limit)[self.numbers]]
+            of_faces = self.numbers[rows]
+            heights, lies = self._heights(self.faces[rows], hosts, _CLOSE * self.sizes[of_faces])
+            is_sheet = wanted & (np.bincount(of_faces, ~lies, self.n) == 0)
+            least = np.full(self.n, np.inf)
+            np.minimum.at(least, of_faces, heights)
+            found[is_sheet] = least[is_sheet]
+        return found
+
+    def _heights(
+        self, faces: IntArray, hosts: IntArray, close: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Heights (m,) of the middles of faces over others, and whether they lie on these."""
+        tree = TriangleTree.build(self.points, hosts, threads=self.threads)
+        middles = self.points[faces].mean(axis=1)
+        distances, heights, normals = _over(tree, middles, self.threads)
+        alike = (unit_normals(self.points, faces) * normals).sum(axis=1)
+        is_over = heights >= _LEAST_COSINE * distances
+        return heights, is_over & (alike >= _LEAST_COSINE) & (distances <= close)
+
+
+def decals_raised(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
+    """Return `low`, which `mesh` was simplified to, with sheets above what they lie on there."""
+    frame = LocalFrame.around(mesh)
+    source = _Parts(frame.to_local(mesh.positions), mesh, threads)
+    if source.n < 2:
+        return low
+    heights = source.sheets()
+    if np.isnan(heights).all():
+        return low
+    parts = _Parts(frame.to_local(low.positions), low, threads)
+    points = parts.points.copy()
+    for sheet in np.flatnonzero(~np.isnan(heights)):
+        off = np.abs(parts.boxes - source.boxes[sheet]).max(axis=(1, 2))
+        is_same = off <= _SAME_BOX * source.sizes[sheet]
+        is_same &= np.abs(parts.areas / source.areas[sheet] - 1.0) <= _SAME_AREA
+        hosts = low.faces[(parts.areas * _LARGEST >= source.areas[sheet])[parts.numbers]]
+        faces = low.faces[is_same[parts.numbers]]
+        if len(hosts) and len(faces):
+            _raise(points, faces, hosts, _KEPT * float(heights[sheet]), threads)
+    return low.replace(positions=low.positions + frame.length_to_model(points - parts.points))
+
+
+def _over(
+    tree: TriangleTree, places: FloatArray, threads: int | None
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Distances (n,) of places from a surface, heights (n,) over it, and its normals (n, 3)."""
+    distances, ids, shares = tree.closest_points(places, threads=threads)
+    corners = tree.faces[ids]
+    normals = unit_normals(tree.positions, corners)
+    below = (tree.positions[corners] * shares[..., None]).sum(axis=1)
+    return distances, ((places - below) * normals).sum(axis=1), normals
+
+
+def _raise(
+    points: FloatArray, faces: IntArray, hosts: IntArray, height: float, threads: int | None
+) -> None:
+    """Raise the vertices of faces until all of these are at some height over others."""
+    tree = TriangleTree.build(points.copy(), hosts, threads=threads)
+    steps = [(i, j) for i in range(_STEPS + 1) for j in range(_STEPS + 1 - i)]
+    shares = np.array([(i, j, _STEPS - i - j) for i, j in steps]) / _STEPS
+    ids = np.unique(faces)
+    for _ in range(_ROUNDS):
+        places = (points[faces][:, None] * shares[:, :, None]).sum(axis=2)
+        _, heights, _ = _over(tree, places.reshape(-1, 3), threads)
+        missing = height - heights.reshape(len(faces), -1).min(axis=1)
+        if missing.max() <= 0.0:
+            break
+        steps_up = np.zeros(len(points))
+        np.maximum.at(steps_up, faces, missing[:, None])
+        _, _, normals = _over(tree, points[ids], threads)
+        points[ids] += steps_up[ids, None] * normals
