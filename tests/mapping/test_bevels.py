@@ -62,7 +62,7 @@ def test_a_bevel_is_one_hard_edge(n_segments):
     assert np.count_nonzero(changed) == 8  # the half-edges of one row at each of four corners
     assert np.allclose(found[changed], 90.0, atol=0.1)
     assert (found >= plain - 1e-4).all()
-    weights = edge_weights(surface_of(mesh)).ravel()
+    weights = edge_weights(surface_of(mesh)).weights.ravel()
     assert np.allclose(weights[edges[changed]], 0.3)
     assert (weights[edges[is_flat]] == 3.0).all()
 

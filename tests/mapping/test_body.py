@@ -56,7 +56,7 @@ def body_of(mesh):
     surface = surface_of(mesh)
     corners, _, opposite = surface.joints
     points = surface.points[corners]
-    return flatten_body(points, opposite, edge_weights(surface).ravel())
+    return flatten_body(points, opposite, edge_weights(surface).weights.ravel())
 
 
 def test_distances_grow_by_each_edge_and_later_sources_only_lower_them():
@@ -132,7 +132,7 @@ def test_limbs_are_cut_off_where_they_are_narrow():
         chart_ids=np.zeros(mesh.n_vertices, dtype=np.int32),
     )
     (piece,) = pieces_of(surface, cross, opposite)
-    side, weights = math.sqrt(piece.area), edge_weights(surface)
+    side, weights = math.sqrt(piece.area), edge_weights(surface).weights
     limbs = divide_at_necks(piece, opposite, weights, least_gain=0.06, side=side)
     assert len(limbs) > 1
     assert sum(limb.waste for limb in limbs) < piece.waste
@@ -143,7 +143,7 @@ def test_whole_bodies_cover_each_face_once_and_overlap_nowhere():
     mesh = torus(40, 20)
     surface = surface_of(mesh)
     others = cut_charts(mesh, surface)
-    found = whole_bodies(surface, others, edge_weights(surface))
+    found = whole_bodies(surface, others, edge_weights(surface).weights)
     assert found and found[0].n_charts < others.n_charts
     for charts in found:
         assert charts.solid.all()
@@ -160,6 +160,6 @@ def test_best_costs_no_more_than_good(mesh):
         options = UnwrapOptions(quality=quality, size=128)
         (atlas,) = make_atlas([mesh], options, Stages(None), seams=[None], protected=[None])
         fill = float(signed_areas(atlas.corners).sum())
-        weights = edge_weights(surface_of(mesh), hide=options.hide_seams)
+        weights = edge_weights(surface_of(mesh), hide=0.5).weights
         costs[quality] = layout_cost([mesh], [atlas.charts], [weights], fill)
     assert costs["best"] <= costs["good"]

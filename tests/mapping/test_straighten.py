@@ -10,6 +10,7 @@ from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges, seam_length
+from texbake.mapping.unwrap import unwrap
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import cube, icosphere, plane, uv_sphere
 from texbake.mesh.symmetry import MirrorPlane
@@ -77,7 +78,7 @@ def test_charts_with_straight_borders_do_not_overlap(quality):
     mesh = icosphere(5)
     surface = surface_of(mesh)
     charts = cut_charts(mesh, surface, quality=quality, weights=np.ones((mesh.n_faces, 3)))
-    now = straighten_charts(surface, charts, edge_weights(surface))
+    now = straighten_charts(surface, charts, edge_weights(surface).weights)
     before, after = (mesh.replace(uvs=each.uvs, uv_faces=each.faces) for each in (charts, now))
     assert now.n_charts == charts.n_charts
     assert seam_length(after) <= seam_length(before)
@@ -88,21 +89,23 @@ def test_charts_with_straight_borders_do_not_overlap(quality):
 def test_hard_edges_are_cheap_and_diagonals_of_polygons_are_not_cut():
     mesh = cube()
     mesh = mesh.replace(polygon_of=(np.arange(mesh.n_faces) // 2).astype(np.int32))
-    weights = edge_weights(surface_of(mesh))
+    weights = edge_weights(surface_of(mesh)).weights
     diagonals = np.isinf(weights)
     assert np.count_nonzero(diagonals) == mesh.n_faces
     assert (weights[~diagonals] < 0.5).all()
     flat = surface_of(plane(4, 4))
     inner = flat.joints[2] >= 0
     for joined in (True, False):
-        assert (edge_weights(flat, joined=joined).ravel() == np.where(inner, 3.0, 1.0)).all()
+        assert (
+            edge_weights(flat, joined=joined).weights.ravel() == np.where(inner, 3.0, 1.0)
+        ).all()
 
 
 def test_charts_that_cannot_improve_stay():
     mesh = cube()
     surface = surface_of(mesh)
     charts = join_charts(surface, single_face_charts(surface.points, mesh.faces), most_l2=1.001)
-    now = straighten_charts(surface, charts, edge_weights(surface))
+    now = straighten_charts(surface, charts, edge_weights(surface).weights)
     cuts = (seam_edges(mesh.replace(uvs=each.uvs, uv_faces=each.faces)) for each in (charts, now))
     assert np.array_equal(*cuts)
 
@@ -112,10 +115,24 @@ def test_seams_are_cheap_where_little_light_comes():
     surface = surface_of(mesh)
     bottom = (np.abs(surface.points[mesh.faces].mean(axis=1)[:, 0]) < 0.05).ravel()
     rim = (np.abs(surface.points[mesh.faces].mean(axis=1)[:, 0]) > 0.2).ravel()
-    alike, hidden = (edge_weights(surface, hide=hide, joined=False) for hide in (0.0, 1.0))
+    alike, hidden = (edge_weights(surface, hide=hide, joined=False).weights for hide in (0.0, 1.0))
     inner = surface.joints[2].reshape(-1, 3) >= 0
     assert (alike[rim] == np.where(inner, 3.0, 1.0)[rim]).all()
     assert 1.5 * hidden[bottom].mean() < hidden[rim].mean()
+
+
+@pytest.mark.parametrize(
+    ("height", "waves", "hidden"),
+    [(0.1, 3, 0.0), (0.2, 3, 0.5), (0.5, 4, 0.5)],
+    ids=["longer", "not longer", "longer, but deep in the shade"],
+)
+def test_by_default_seams_are_hidden_unless_that_makes_them_longer(height, waves, hidden):
+    mesh = uv_sphere(
+        24, 48, lambda theta, phi: 1.0 + height * np.sin(waves * theta) * np.cos(waves * phi)
+    )
+    uvs = {hide: unwrap(mesh, size=128, hide_seams=hide).uvs for hide in (None, 0.0, 0.5)}
+    assert np.array_equal(uvs[None], uvs[hidden])
+    assert not np.array_equal(uvs[0.0], uvs[0.5])
 
 
 def test_a_surface_turns_at_bumps_and_not_where_it_is_flat_or_creased():
@@ -152,7 +169,7 @@ def test_seams_cost_most_in_front(direction, is_known):
     plain, seen = (surface_of(face_at(direction, size)) for size in (0.0, 0.12))
     middle = MirrorPlane(np.array([1.0, 0.0, 0.0]), 0.0, 0.0) if is_known else None
     alike, weights = (
-        edge_weights(each, hide=0.5, plane=middle).mean(axis=1) for each in (plain, seen)
+        edge_weights(each, hide=0.5, plane=middle).weights.mean(axis=1) for each in (plain, seen)
     )
     ahead = seen.points[seen.faces].mean(axis=1) @ direction / 0.5
     # Around the bumps, not on them, which cost more anyway.
@@ -189,7 +206,7 @@ def test_faces_without_area_stay_in_one_chart_each(seed):
     )
     mesh = Mesh(positions=points, faces=faces.astype(np.int32), name="slivers")
     surface = surface_of(mesh)
-    weights = edge_weights(surface)
+    weights = edge_weights(surface).weights
     charts = cut_charts(mesh, surface, quality="good", weights=weights)
     now = straighten_charts(surface, charts, weights)
     assert np.array_equal(now.solid, charts.solid)

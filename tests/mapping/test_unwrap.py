@@ -84,8 +84,8 @@ def test_the_report_is_json_and_the_stages_are_announced():
     listener = Listener()
     _, report = unwrap_with_report(icosphere(2), size=(256, 128), progress=listener)
     assert listener.stages == [
-        "find mirror plane", "weigh edges", "cut charts", "mirror charts", "join charts",
-        "straighten borders", "pack charts", "measure",
+        "find mirror plane", "weigh edges", "cut charts", "weigh edges", "cut charts",
+        "mirror charts", "join charts", "straighten borders", "pack charts", "measure",
     ]  # fmt: skip
     written = json.loads(json.dumps(report.to_json(), allow_nan=False))
     assert written["charts"] == report.n_charts

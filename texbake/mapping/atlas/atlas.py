@@ -14,6 +14,7 @@ from texbake.errors import UnwrapError
 from texbake.mapping.atlas.charts import (
     Charts,
     ChartSurface,
+    border_length,
     enlarged,
     existing_charts,
     find_isolated_faces,
@@ -65,6 +66,8 @@ _BEST_STRETCH = 1.09
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
 _JOIN_WORK = {"good": 300, "best": 1000}
+# By default, `good` hides no seams if its first charts then have borders this many times as long.
+_HIDDEN_LENGTH = 1.05
 # If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
 _CLEARLY_BETTER = 0.7
 _NO_TUBES = "no tube is unrolled where seams are marked, faces are protected or halves overlap"
@@ -289,13 +292,13 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
     if options.quality == "fast":
         halves = None
     charts: Charts | None = None
-    if halves is None or _may_lie_flat(surface):
+    if halves is not None and _may_lie_flat(surface):
         charts = _cut(source, options)
         # Where no chart meets another, there is no border that a mirror image could differ from.
         if charts.n_charts == face_components(surface.corners, len(surface.points))[1]:
             halves = None
     if charts is None or halves is not None:
-        charts = _cut(source, options, halves)
+        source, charts = _cut_either_way(source, options, halves)
     if options.quality != "fast":
         charts = _improved(source, charts, options, halves)
     charts = _bounded(source, charts, options)
@@ -309,6 +312,19 @@ def _may_lie_flat(surface: ChartSurface) -> bool:
     parts = connected_parts(opposite)
     at_boundary = (opposite.reshape(-1, 3) < 0).any(axis=1)
     return len(np.unique(parts[at_boundary])) == len(np.unique(parts))
+
+
+def _cut_either_way(
+    source: ChartSource, options: UnwrapOptions, halves: Halves | None = None
+) -> tuple[ChartSource, Charts]:
+    """The charts of `_cut` and their source, whose seams are hidden unless that costs too much."""
+    charts, plain = _cut(source, options, halves), source.plain
+    if options.quality != "good" or plain is None:
+        return source, charts
+    surface = source.surface if halves is None else half_surface(source.surface, halves)
+    others = _cut(plain, options, halves)
+    lengths = [border_length(surface, each) for each in (charts, others)]
+    return (plain, others) if lengths[0] > _HIDDEN_LENGTH * lengths[1] else (source, charts)
 
 
 def _cut(source: ChartSource, options: UnwrapOptions, halves: Halves | None = None) -> Charts:
@@ -334,7 +350,7 @@ def _cut(source: ChartSource, options: UnwrapOptions, halves: Halves | None = No
 def _stacked_charts(source: ChartSource, halves: Halves, options: UnwrapOptions) -> Charts:
     """Cut one half of a mesh, and lay the other on it."""
     half = source.part(half_surface(source.surface, halves))
-    charts = _cut(half, options)
+    half, charts = _cut_either_way(half, options)
     if options.quality != "fast":
         charts = _improved(half, charts, options)
     return stacked_charts(halves, _bounded(half, charts, options), source.mesh)

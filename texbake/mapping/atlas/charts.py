@@ -224,6 +224,15 @@ def _with_anchors(
     return all_faces.astype(np.int32)
 
 
+def border_length(surface: ChartSurface, charts: Charts) -> float:
+    """Length of the borders between charts of a surface, in its units, each counted twice."""
+    corners, _, opposite = surface.joints
+    labels = charts.chart_ids[charts.faces[:, 0]]
+    is_border = (opposite >= 0) & (labels[opposite // 3] != np.repeat(labels, 3))
+    steps = surface.points[np.roll(corners, -1, axis=1)] - surface.points[corners]
+    return float(pm.norm(steps.reshape(-1, 3)[is_border], axis=1).sum())
+
+
 def existing_charts(
     mesh: Mesh, size: tuple[int, int], *, regions: IntArray | None = None
 ) -> Charts:

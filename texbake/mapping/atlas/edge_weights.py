@@ -19,6 +19,7 @@ from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.symmetry import MirrorPlane
 from texbake.raycast.rays import OPEN, Hemispheres, OcclusionRange, direction_sets, mixed
 from texbake.raycast.scene import RayScene
+from texbake.records import dataclass
 
 # Weight of a hard edge, and of the angles, in degrees, at which edges begin to be hard and are.
 _HARD = 0.3
@@ -52,14 +53,27 @@ _NO_FRONT, _CLEAR_FRONT = 0.25, 0.4
 _BESIDE = 0.5  # distance from the mirror plane, in greatest ones, from which nothing has a front
 
 
+# Hiding seams is worth some length where the front is clearer than this, or the darkest quarter of
+# the edges gets less light than this, relative to the mean.
+_FRONT, _SHADE = 0.5, 0.85
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeWeights:
+    """Costs of seams along edges."""
+
+    weights: FloatArray  # (F, 3), for each edge from a corner to the next; infinite in polygons
+    is_worth_length: bool = False  # whether much can be hidden: there is a clear front, or shade
+
+
 def edge_weights(
     surface: ChartSurface,
     *,
     hide: float = 0.0,
     joined: bool = True,
     plane: MirrorPlane | None = None,
-) -> FloatArray:
-    """(F, 3) float64: weights of the edges from each corner to the next; infinite in polygons.
+) -> EdgeWeights:
+    """Weigh the edges of a surface.
 
     `hide`: influence of openness, 0 to 1; `joined`: charts will be joined, so that seams across
     details and down the front, which cost more, can go; `plane`: of a symmetric surface.
@@ -71,10 +85,12 @@ def edge_weights(
     soft[edges] -= np.clip((angles - _SOFT_ANGLE) / (_HARD_ANGLE - _SOFT_ANGLE), 0.0, 1.0)
     weights = _HARD + (1.0 - _HARD) * soft
     weights[edges[bevels.within]] = _FLAT
+    is_worth_length = False
     if hide > 0.0 and len(edges):
         along = _along(_openness(surface, corners, solid), corners)
         if joined:
-            seen = _seen(surface, along, soft, hide, plane)
+            seen, clarity = _seen(surface, along, soft, hide, plane)
+            is_worth_length = clarity > _FRONT or float(np.quantile(along, 0.25)) < _SHADE
             steps = surface.points[np.roll(corners, -1, axis=1)] - surface.points[corners]
             lengths = pm.norm(steps.reshape(-1, 3), axis=1)
             weights *= seen * float(lengths.sum() / (lengths * seen).sum())
@@ -84,7 +100,7 @@ def edge_weights(
     if surface.polygons is not None:
         same = surface.polygons[opposite // 3] == np.repeat(surface.polygons, 3)
         weights[(opposite >= 0) & same] = np.inf
-    return weights.reshape(-1, 3)
+    return EdgeWeights(weights.reshape(-1, 3), is_worth_length)
 
 
 def _along(openness: FloatArray, corners: IntArray) -> FloatArray:
@@ -100,8 +116,8 @@ def _seen(
     soft: FloatArray,
     hide: float,
     plane: MirrorPlane | None,
-) -> FloatArray:
-    """(3 F,) weights of `soft` edges: by openness `along` them, detail nearby, and the front."""
+) -> tuple[FloatArray, float]:
+    """(3 F,) weights by openness `along` `soft` edges, detail and the front; how clear that is."""
     lit = np.clip((along - _SHADED) / (1.0 - _SHADED), 0.0, 1.0)
     means, bent, shown = _turning(surface.points, surface.corners)
     front = _front(surface, shown**2 * lit.reshape(-1, 3).mean(axis=1), plane)
@@ -111,7 +127,8 @@ def _seen(
     logs = _EXPONENT * pm.log(np.maximum(along, _HIDDEN)) + float(pm.log(_DETAILED)) * detail * lit
     frontal = _at_edges(surface, np.maximum(pm.matmul(means, front), 0.0)) * soft
     seen = np.clip(pm.exp(hide * logs), _HIDDEN, _OPEN)
-    return np.asarray(seen * pm.exp(hide * float(pm.log(_FRONTAL)) * frontal))
+    seen = np.asarray(seen * pm.exp(hide * float(pm.log(_FRONTAL)) * frontal))
+    return seen, float(pm.norm(front))
 
 
 def _at_edges(surface: ChartSurface, values: FloatArray) -> FloatArray:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 from texbake.mapping.atlas.charts import ChartSurface, mesh_of
 from texbake.mapping.atlas.cutting.cut import surface_of
-from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.edge_weights import EdgeWeights, edge_weights
 from texbake.mapping.atlas.halves import Halves, find_halves
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import regions_between
@@ -14,6 +15,8 @@ from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
 from texbake.records import dataclass
+
+_HIDE = 0.5  # weight of hiding seams, if the user states none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,7 +26,7 @@ class ChartSource:
     mesh: Mesh
     surface: ChartSurface
     symmetry: str
-    hide_seams: float
+    hide_seams: float | None  # None: by default, as long as seams get hardly longer
     joined: bool  # charts will be joined: in `fast`, they are not
     stages: Stages
     n_within: int = 0  # hard edges that end within a region, where no seam runs
@@ -71,13 +74,25 @@ class ChartSource:
             stages=self.stages,
         )
 
-    @cached_property
+    @property
     def weights(self) -> FloatArray:
         """(F, 3) costs of seams along edges."""
-        halves = self.halves if self.joined and self.hide_seams > 0.0 else None
+        return self._edge_weights.weights
+
+    @cached_property
+    def _edge_weights(self) -> EdgeWeights:
+        """The costs, and whether they are worth some length."""
+        hide = _HIDE if self.hide_seams is None else self.hide_seams
+        halves = self.halves if self.joined and hide > 0.0 else None
         plane = None if halves is None else halves.plane
         with self.stages.stage("weigh edges"):
-            return edge_weights(self.surface, hide=self.hide_seams, joined=self.joined, plane=plane)
+            return edge_weights(self.surface, hide=hide, joined=self.joined, plane=plane)
+
+    @property
+    def plain(self) -> ChartSource | None:
+        """The same without hidden seams; None if the user wants them, or they are worth it."""
+        is_fixed = self.hide_seams is not None or self._edge_weights.is_worth_length
+        return None if is_fixed else replace(self, hide_seams=0.0)
 
     @cached_property
     def halves(self) -> Halves | None:

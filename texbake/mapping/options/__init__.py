@@ -93,12 +93,13 @@ class AtlasOptions(TextureOptions):
         "ignores the plane.",
         choices=SYMMETRIES,
     )
-    hide_seams: float = option(
-        0.5,
+    hide_seams: float | None = option(
+        None,
         "How far seams go out of their way to avoid the front and details, and to run where little "
         "light comes, such as creases.",
         low=0,
         high=1,
+        default="0.5; with good, 0 where little can be hidden and seams would be over 5 % longer",
     )
     straighten: bool = option(
         False, "Lay strips and tubes out as rectangles where their L2 stretch stays below 1.1."

@@ -110,7 +110,7 @@ def cut_charts(
     `weights`: (F, 3) costs of seams along edges, those of `edge_weights`; `timeout`: seconds of
     xatlas per batch; `area`: that of all charts, if there will be others too.
     """
-    weights = edge_weights(surface) if weights is None else weights
+    weights = edge_weights(surface).weights if weights is None else weights
     # On the grid of the points they may have one, depending on where the grid lies.
     if degenerate_faces(mesh).all():
         raise UnwrapError(_why_nothing(mesh))
