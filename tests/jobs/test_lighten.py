@@ -12,6 +12,7 @@ from tests.character import character, posed
 from tests.glb import read_glb
 from tests.models import sponge
 from texbake.errors import MeshError, OptionError, ReadWarning, UnwrapError, UvError, heard_warnings
+from texbake.jobs import light_models
 from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.light_budget import Budget, Trial
 from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files
@@ -369,6 +370,17 @@ def test_auto_makes_new_coordinates_where_faces_overlap_and_one_node_if_asked(tm
     assert len(read_glb(tmp_path / "light.glb")[0]["nodes"]) == 1
     whole = lighten_file(model, tmp_path / "light.glb", replace(options, n_faces=10**6))
     assert whole.report.keeps_uvs and whole.report.simplified is None
+
+
+@pytest.mark.parametrize("uvs", ["keep", "auto"])
+def test_auto_makes_new_coordinates_where_those_that_stay_would_overlap(tmp_path, monkeypatch, uvs):
+    path = atlas_of_balls(tmp_path, overlap=False)
+    monkeypatch.setattr(light_models, "is_atlas", lambda mesh, threads=None: mesh.n_faces > 1500)
+    done = lighten_file(path, tmp_path / "light.glb", replace(KEPT, uvs=uvs))
+    assert done.report.keeps_uvs == (uvs == "keep") and done.report.n_faces <= 1500
+    assert any("would overlap with so few triangles" in line for line in done.warnings) == (
+        uvs == "auto"
+    )
 
 
 def test_parts_that_are_copies_share_texels_and_look_as_before(tmp_path):

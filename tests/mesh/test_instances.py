@@ -53,9 +53,8 @@ def path(tmp_path):
         name="egg",
     )  # fmt: skip
     other = {**arrays, "POSITION": file.accessor(points * [1, 1, 1.2])}
-    alone = file.mesh(
-        {"attributes": other, "indices": file.accessor(quads[:, :3].reshape(-1, 1), "I")}
-    )
+    whole = file.accessor(np.concatenate(halves).reshape(-1, 1), "I")
+    alone = file.mesh({"attributes": other, "indices": whole})
     codes = np.random.default_rng(0).integers(0, 255, (16, 16, 3)).astype(np.uint8)
     view = file.view(encode_image(np.kron(codes, np.ones((4, 4, 1), np.uint8)), "png"))
     times, moves = file.accessor([0.0, 1.0]), file.accessor(np.array([[3, 0, 3], [3, 1, 3]]))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,16 +21,15 @@ from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
 from texbake.mapping.options import DEFAULT_PADDING, UnwrapOptions
 from texbake.mapping.overlap import is_atlas, layout_notes
 from texbake.mesh.compose import excerpt
-from texbake.mesh.decimate import shading_length
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.hard_edges import LowNormals, has_hard_edges, with_normals
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects, one_group_a_node
-from texbake.mesh.part_sizes import EnlargedParts
+from texbake.mesh.part_sizes import simplified_once
 from texbake.mesh.repeated_parts import RepeatedParts
 from texbake.mesh.rig import Rig, with_poses
-from texbake.mesh.simplify import SimplifyReport, check_count, simplify_with_report
+from texbake.mesh.simplify import SimplifyReport, check_count
 from texbake.mesh.triangle_tree import with_nearest_motion, with_source_normals
 from texbake.progress import Progress, Stages
 from texbake.raycast.orientation import oriented
@@ -101,7 +100,8 @@ class Source:
             return self._with_new_uvs(n_faces, is_trial=is_trial)
         kept = self._with_kept_uvs(n_faces)
         simplified = kept.simplified
-        if simplified is None or (is_auto and simplified.is_close_to_count):
+        overlap = may_be_new and kept.baked is None and not self._normals_vary
+        if simplified is None or (is_auto and simplified.is_close_to_count and not overlap):
             return kept
         if not is_auto:
             if self.options.n_faces is not None and not is_trial:
@@ -112,10 +112,9 @@ class Source:
             note = f"{self.mesh.name}: its texture coordinates stay, because of its many variants"
             return replace(kept, warnings=(*kept.warnings, note))
         again = self._with_new_uvs(n_faces, is_trial=is_trial)
-        note = (
-            f"{self.mesh.name}: its texture coordinates do not allow fewer than "
-            f"{simplified.n_faces:,} triangles; it has new ones"
-        )
+        least = f"do not allow fewer than {simplified.n_faces:,}"
+        least = "would overlap with so few" if overlap else least
+        note = f"{self.mesh.name}: its texture coordinates {least} triangles; it has new ones"
         return replace(again, warnings=(*again.warnings, note))
 
     def write(self, light_model: LightModel, materials: Materials, path: PathLike) -> Rig | None:
@@ -184,7 +183,7 @@ class Source:
         return rule.of_high(high, threads=options.threads), rule, turned.notes
 
     def _with_kept_uvs(self, n_faces: int) -> LightModel:
-        from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
+        from texbake.jobs.mesh_output import simplified_with_materials
         from texbake.texture.material_images import gltf_images
 
         options, threads = self.options, self.options.threads
@@ -193,22 +192,14 @@ class Source:
             high, rule, warnings = self._oriented
             low, materials = high, self.materials
             if high.n_faces > n_faces:
-                if (repeated := self._instances) is not None:
-                    high = repeated.mesh
-                file = MeshFileMaterials(path=Path(high.name), materials=materials)
-                partition = MaterialPartition.of(high, file)
-                enlarged = EnlargedParts.of(partition.mesh, threads=threads)
-                low, report = simplify_with_report(
-                    enlarged.mesh, n_faces, quality=options.quality, seams="keep",
-                    shades=shading_length(high), threads=threads, progress=self.progress,
-                )  # fmt: skip
-                low, report = enlarged.restored(low, report, threads=threads)
-                low, kept = partition.restored(low, high)
-                materials = kept.materials or materials
+                repeated = self._instances
                 source, high = self._of_first(repeated)
-                if repeated is not None:
-                    low, faces = repeated.one_each(low)
-                    materials = materials.of_faces(faces)
+                make = partial(
+                    simplified_with_materials, high, materials=source.materials,
+                    quality=options.quality, threads=threads, progress=self.progress,
+                )  # fmt: skip
+                once = make if repeated is None else partial(simplified_once, repeated, make=make)
+                low, report, materials = once(n_faces)
                 warnings += (*report.notes, *layout_notes(low, high, threads=threads))
                 if rule.choice == "auto" and low.normals is None:
                     if has_hard_edges(high, threads=threads):
@@ -272,14 +263,12 @@ class Source:
             if options.stack and repeated is None:
                 why = _UNSHARED[high.deformation is not None]
                 notes = (*notes, f"{self.mesh.name}: no parts share texels: {why}")
-            high = high if repeated is None else repeated.mesh
+            source, high = self._of_first(repeated)  # one of each kind of repeated parts
             low, low_poly = self._low_poly(high, rule, n_faces, is_trial)
             if low_poly is not None and _has_lost_edges(low, low_poly, rule, high):
                 rule = replace(rule, choice="angle")
-            low = low if repeated is None else repeated.one_each(low)[0]
             low = rule.before_unwrap(low)
         simplified = None if low_poly is None else low_poly.report
-        source, high = self._of_first(repeated)  # of repeated parts, one of each kind is baked
         maps = transferred_channels(self._shown)
         if simplified is not None or any(materials.sources("normal")) or needs_bake(materials):
             maps = ("normal", *maps)
@@ -316,6 +305,8 @@ class Source:
     @cached_property
     def _instances(self) -> RepeatedParts | None:
         """The objects that are the same in the spaces of their nodes."""
+        if self.options.remesh != "never":  # its surface is another one
+            return None
         return RepeatedParts.instances(self._oriented[0], self.materials, self.rig)
 
     @cached_property
@@ -383,11 +374,11 @@ class Source:
         # Of the attributes only hard edges and objects matter: all others are baked.
         bare = one_group_a_node(high)
         bare = bare.replace(uvs=None, uv_faces=None, tangents=None, colors=None)
-        if options.remesh != "always" and high.n_faces <= n_faces:
+        if options.remesh != "always" and self.mesh.n_faces <= n_faces:
             return bare, None
         maker = LowPolyMaker(
             high=bare, rule=rule, n_faces=n_faces, quality=options.quality, by_parts=True,
-            threads=options.threads, progress=self.progress,
+            repeated=self._repeated, threads=options.threads, progress=self.progress,
         )  # fmt: skip
         must_reach = options.n_faces is not None and not is_trial
         low_poly = maker.make(options.remesh, must_reach=must_reach)

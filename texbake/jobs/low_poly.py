@@ -14,7 +14,8 @@ from texbake.mesh.hard_edges import LowNormals
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import with_visible_normals
 from texbake.mesh.options import AUTO, CLOSED
-from texbake.mesh.part_sizes import EnlargedParts
+from texbake.mesh.part_sizes import EnlargedParts, simplified_once
+from texbake.mesh.repeated_parts import RepeatedParts
 from texbake.mesh.simplify import SimplifyReport, check_count, measured_to, simplify_with_report
 from texbake.mesh.topology import find_edges, genus, surface_side
 from texbake.mesh.wrapping import FEW_FACES, Reason, reason_to_wrap, wraps
@@ -74,6 +75,8 @@ class LowPolyMaker:
     quality: str
     seams: str = "auto"
     by_parts: bool = False  # whether small parts keep their share of the triangles
+    # Parts of which `high` has one of each kind; `n_faces` counts all copies.
+    repeated: RepeatedParts | None = None
     threads: int | None = None
     progress: Progress = None
 
@@ -87,7 +90,7 @@ class LowPolyMaker:
             # With `auto`, closed surfaces around a mesh that is not open were tried.
             may_help = remesh == "never" or surface_side(self.high, threads=self.threads) == "both"
             closing = ", or use `remesh` always" if may_help and remesh != "always" else ""
-            check_count(low.mesh.n_faces, self.n_faces, self.high.name, "request more" + closing)
+            check_count(low.report.n_faces, self.n_faces, self.high.name, "request more" + closing)
         if low.is_of_wrap:
             report = measured_to(low.report, self.high, low.mesh, threads=self.threads)
             low = replace(low, report=report)
@@ -140,11 +143,18 @@ class LowPolyMaker:
         return reaching(low, report)
 
     def _simplify_high(self) -> LowPoly:
+        if self.repeated is not None and self.n_faces is not None:
+            mesh, report, _ = simplified_once(self.repeated, self.n_faces, self._once)
+            return reaching(mesh, report)
         if not self.by_parts:
             return self._simplify(self.high, self.quality)
         enlarged = EnlargedParts.of(self.high, threads=self.threads)
         low = replace(self, high=enlarged.mesh, by_parts=False)._simplify_high()
         return reaching(*enlarged.restored(low.mesh, low.report, threads=self.threads))
+
+    def _once(self, n_faces: int) -> tuple[Mesh, SimplifyReport, None]:
+        low = replace(self, n_faces=n_faces, repeated=None)._simplify_high()
+        return low.mesh, low.report, None
 
     def _simplify_wraps(self, reason: Reason | None) -> list[LowPoly]:
         """Make one mesh of each wrap."""

@@ -22,13 +22,16 @@ from texbake.jobs.outputs import (
     triangle_notes,
     uv_set_files,
 )
+from texbake.mesh.decimate import shading_length
 from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.mtl import write_obj_materials
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
 from texbake.mesh.mesh import BoolArray, IndexArray, IntArray, Mesh
+from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.rig import Rig, read_rig
+from texbake.mesh.simplify import SimplifyReport, simplify_with_report
 from texbake.progress import Progress
 from texbake.records import dataclass
 from texbake.texture.model_materials import without_damaged_images
@@ -147,6 +150,29 @@ class MaterialPartition:
         items = tuple(item.on_uv_sets((0,)) for item in materials.materials)
         kept = replace(materials, face_materials=of_faces, materials=items, uv_sets={})
         return made, replace(self.source, materials=kept, lost=lost)
+
+
+def simplified_with_materials(
+    mesh: Mesh,
+    n_faces: int,
+    *,
+    materials: Materials,
+    quality: str,
+    threads: int | None,
+    progress: Progress,
+) -> tuple[Mesh, SimplifyReport, Materials]:
+    """Simplify a mesh that keeps its seams, shading, materials, and small parts their faces."""
+    partition = MaterialPartition.of(
+        mesh, MeshFileMaterials(path=Path(mesh.name), materials=materials)
+    )
+    enlarged = EnlargedParts.of(partition.mesh, threads=threads)
+    low, report = simplify_with_report(
+        enlarged.mesh, n_faces, quality=quality, seams="keep", shades=shading_length(mesh),
+        threads=threads, progress=progress,
+    )  # fmt: skip
+    low, report = enlarged.restored(low, report, threads=threads)
+    low, kept = partition.restored(low, mesh)
+    return low, report, kept.materials or materials
 
 
 def read_with_materials(path: PathLike, progress: Progress) -> tuple[Mesh, MeshFileMaterials]:

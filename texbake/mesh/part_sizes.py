@@ -3,11 +3,15 @@
 The quadric error of a part grows with the fourth power of its size, while what shows in pictures
 grows with the square: small parts would become coarse long before large ones. Parts are scaled by a
 root of how small they are, so that what shows is about the same for all.
+
+Parts that are copies of one another are simplified once.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,7 +19,9 @@ from texbake.core import portable_math as pm
 from texbake.mesh.distance import REPORTED_SAMPLES, surface_distance
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
-from texbake.mesh.simplify import SimplifyReport
+from texbake.mesh.options import MIN_FACES
+from texbake.mesh.repeated_parts import RepeatedParts
+from texbake.mesh.simplify import SimplifyReport, measured_to
 from texbake.mesh.topology import face_components
 from texbake.records import dataclass
 
@@ -24,6 +30,9 @@ from texbake.records import dataclass
 _ROOT = 1.0 / 3.0
 _STEP = 1.25  # parts are enlarged by a power of this
 _MOST_STEPS = 32
+# Share of a number of faces that copies shall have together, and how often that is tried.
+_ENOUGH, _MOST_TRIES = 0.97, 5
+_More = TypeVar("_More")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +72,35 @@ class EnlargedParts:
         distance = surface_distance(self.source, low, n_samples=REPORTED_SAMPLES, threads=threads)
         notes = tuple(note for note in report.notes if note not in report.distance.notes)
         return low, replace(report, distance=distance, notes=(*notes, *distance.notes))
+
+
+def simplified_once(
+    repeated: RepeatedParts, n_faces: int, make: Callable[[int], tuple[Mesh, SimplifyReport, _More]]
+) -> tuple[Mesh, SimplifyReport, _More]:
+    """Simplify one part of each kind, so that all copies together have `n_faces` faces.
+
+    `make` simplifies the parts in `repeated.is_first` to a number of faces. The report is of all
+    copies.
+    """
+    n, best = n_faces * int(repeated.is_first.sum()) // repeated.mesh.n_faces, None
+    before = 0, 0
+    for _ in range(_MOST_TRIES):
+        n = max(n, MIN_FACES)
+        low, report, more = make(n)
+        groups = np.zeros(1, np.int32) if low.face_groups is None else low.face_groups
+        placed = int(repeated.counts[groups].sum())
+        rank = placed > n_faces, abs(placed - n_faces)
+        if best is None or rank < best[0]:
+            best = rank, low, replace(report, n_faces=placed, n_faces_asked=n_faces), more
+        if _ENOUGH * n_faces <= placed <= n_faces or not report.is_close_to_count:
+            break
+        step = (n_faces - placed) * (n - before[0]) // ((placed - before[1]) or 1)
+        before, n = (n, placed), n + step  # as if each face more gave as many copies as the last
+    assert best is not None
+    _, low, report, more = best
+    whole, _ = repeated.restored(low)
+    report = replace(report, n_vertices=whole.n_vertices)
+    return low, measured_to(report, repeated.mesh, whole), more
 
 
 def _scales(steps: Int64Array) -> FloatArray:

@@ -19,7 +19,15 @@ from texbake.core import portable_math as pm
 from texbake.mesh.compose import excerpt, join_parts
 from texbake.mesh.instances import instances
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials
-from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IndexArray, IntArray, Mesh
+from texbake.mesh.mesh import (
+    AnyArray,
+    BoolArray,
+    FloatArray,
+    IndexArray,
+    Int64Array,
+    IntArray,
+    Mesh,
+)
 from texbake.mesh.objects import one_group_a_node, weld_vertices
 from texbake.mesh.rig import Rig
 from texbake.mesh.topology import face_components
@@ -179,19 +187,13 @@ class RepeatedParts:
         counts = np.bincount(_groups(low), minlength=len(self.nodes))
         return replace(self, copies=tuple(e for e in self.copies if counts[e.numbers].any()))
 
-    def one_each(self, low: Mesh) -> tuple[Mesh, IndexArray]:
-        """Return a simplified mesh with one part of each kind, placed as the first; and its faces.
-
-        The (n,) faces are those of `low`.
-        """
-        counts = np.bincount(_groups(low), minlength=len(self.nodes))
-        pieces = []
-        for each in self.left_in(low).copies:
-            of_each = counts[each.numbers]
-            few = np.where(of_each <= of_each[of_each > 0].mean(), of_each, 0)
-            chosen = int(few.argmax())
-            pieces.append((each.numbers[chosen], each.numbers[0], pm.inv(each.matrices[chosen])))
-        return self._placed(low, pieces)
+    @property
+    def counts(self) -> Int64Array:
+        """(n,) int64: how many copies stand for each group of `mesh` in `is_first`."""
+        counts = np.ones(len(self.nodes), np.int64)
+        for each in self.copies:
+            counts[each.numbers[0]] = len(each.numbers)
+        return counts
 
     def restored(self, low: Mesh) -> tuple[Mesh, IndexArray]:
         """Return a mesh of one part of each kind with all copies, grouped as the source; and faces.

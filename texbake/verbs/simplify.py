@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from texbake.jobs.mesh_output import MeshFileMaterials
     from texbake.jobs.outputs import JobResult
     from texbake.mesh.mesh import Mesh
-    from texbake.mesh.repeated_parts import RepeatedParts
     from texbake.mesh.simplify import SimplifyReport
     from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.progress import Progress
@@ -222,7 +221,9 @@ def _level(
     """Write one level of detail."""
     from texbake.jobs.mesh_output import MaterialPartition, write_result
     from texbake.mapping.overlap import layout_notes
+    from texbake.mesh.compose import excerpt
     from texbake.mesh.hard_edges import with_normals
+    from texbake.mesh.part_sizes import simplified_once
     from texbake.mesh.reduction import object_by_object
     from texbake.mesh.repeated_parts import RepeatedParts
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
@@ -230,22 +231,30 @@ def _level(
     from texbake.mesh.wrapping import wraps
 
     repeated = None
-    if options.error is None:  # which is that of each instance
+    if options.error is None and options.topology != "simplify":
         rig = materials.rig_of(high, output)
         repeated = RepeatedParts.instances(high, materials.materials, rig)
-        high = high if repeated is None else repeated.mesh
+    if repeated is not None:
+        materials = materials.of_faces(repeated.is_first)
+        high = excerpt(repeated.mesh, repeated.is_first)
     bordered = MaterialPartition.of(high, materials) if materials.fit(output, mtl=mtl) else None
     given = high if bordered is None else bordered.mesh
-    low, figures = simplify_with_report(
-        given,
-        count,
-        error=options.error,
-        quality=options.quality,
-        seams=options.seams,
-        source=source,
-        threads=threads,
-        progress=progress,
-    )
+
+    def restored(made: Mesh) -> tuple[Mesh, MeshFileMaterials]:
+        return (made, materials) if bordered is None else bordered.restored(made, high)
+
+    def simplified(count: int | None) -> tuple[Mesh, SimplifyReport, MeshFileMaterials]:
+        made, figures = simplify_with_report(
+            given, count, error=options.error, quality=options.quality, seams=options.seams,
+            source=source, threads=threads, progress=progress,
+        )  # fmt: skip
+        low, of_low = restored(made)
+        return low, figures, of_low
+
+    if repeated is None or count is None:
+        low, figures, of_low = simplified(count)
+    else:
+        low, figures, of_low = simplified_once(repeated, count, simplified)
     if options.error is None and options.seams != "keep":
         if options.topology == "simplify" and count is not None and not figures.is_whole:
             wrap, *_ = next(wraps(high, count, has_tunnels=True, threads=threads))
@@ -254,30 +263,16 @@ def _level(
             )
             figures = measured_to(figures, source or high, low, threads=threads)
             figures = replace(figures, notes=(_CLOSED, *figures.notes))
-            low = object_by_object(with_nearest_attributes(low, given, threads))
-            repeated = None
+            low, of_low = restored(object_by_object(with_nearest_attributes(low, given, threads)))
         remedy = _MORE if options.topology == "simplify" else _CLOSE
         check_count(figures.n_faces, count, high.name, remedy)
-    if bordered is not None:
-        low, materials = bordered.restored(low, high)
-    if repeated is not None:
-        low, materials = _with_equal_instances(low, materials, repeated)
-        figures = measured_to(figures, high, low, threads=threads)
-        figures = replace(figures, n_faces=low.n_faces, n_vertices=low.n_vertices)
     notes = (*figures.notes, *layout_notes(low, high, threads=threads))
     figures = replace(figures, notes=notes)
     low = with_normals(low, options.normals, angle=options.angle)
-    return write_result(low, output, materials, figures, mtl=mtl)
-
-
-def _with_equal_instances(
-    low: Mesh, materials: MeshFileMaterials, repeated: RepeatedParts
-) -> tuple[Mesh, MeshFileMaterials]:
-    """Return a simplified mesh, and its materials, with the same triangles in all instances."""
-    for made in (repeated.one_each, repeated.restored):
-        low, faces = made(low)
-        materials = materials.of_faces(faces)
-    return low, materials
+    if repeated is not None:
+        low, faces = repeated.restored(low)
+        of_low = of_low.of_faces(faces)
+    return write_result(low, output, of_low, figures, mtl=mtl)
 
 
 @dataclass(frozen=True, kw_only=True)
