@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.character import character, posed
-from tests.glb import read_glb
+from tests.glb import GltfFile, read_glb
 from tests.models import sponge
 from texbake.errors import MeshError, OptionError, ReadWarning, UnwrapError, UvError, heard_warnings
 from texbake.jobs import light_models
@@ -226,6 +226,16 @@ def test_a_model_without_materials_gets_its_vertex_colors(tmp_path):
     assert mesh.colors is None
     (material,) = read_materials(tmp_path / "light.glb", mesh).materials
     assert np.ptp(pixels_of(material.channels["base-color"], is_color=True)) > 0.5
+
+
+def test_a_gltf_file_without_materials_looks_as_before(tmp_path):
+    file, ball = GltfFile(), uv_sphere(24, 48)
+    arrays = {"POSITION": file.accessor(ball.positions), "NORMAL": file.accessor(ball.positions)}
+    file.mesh({"attributes": arrays, "indices": file.accessor(ball.faces.reshape(-1, 1), "I")})
+    path = file.write(tmp_path / "ball.glb")
+    options = replace(OPTIONS, uvs="auto", n_faces=3000, views=2)
+    done = lighten_file(path, tmp_path / "light.glb", options)
+    assert done.report.comparison.mean_db > 35.0
 
 
 def test_few_triangles_without_images_keep_their_colors_and_growth_is_a_warning(tmp_path):

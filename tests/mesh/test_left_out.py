@@ -251,6 +251,15 @@ def test_skins_and_morph_targets_of_gltf_are_named(tmp_path):
     assert lines == [f"{path}: {line}"]
 
 
+@pytest.mark.parametrize("mode", [0, 1, 2, 3])
+def test_points_and_lines_of_gltf_are_named(tmp_path, mode):
+    file = GltfFile(nodes=[{"mesh": 0}, {"mesh": 1}])
+    file.triangle()
+    file.mesh({"attributes": {"POSITION": file.accessor(CORNERS)}, "mode": mode})
+    mesh, lines = heard(file.write(tmp_path / "a.glb"))
+    assert mesh.n_faces == 1 and lines == ["left out 1 primitive of points or lines"]
+
+
 def test_animations_and_lights_of_gltf_are_counted(tmp_path):
     path = gltf(
         tmp_path / "a.gltf", {"POSITION": CORNERS},

@@ -31,7 +31,7 @@ from texbake.mesh.files import read_mesh
 from texbake.mesh.files.contents import model_bytes
 from texbake.mesh.files.gltf_compression import require_compression
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.materials import Materials, MeshMaterial
+from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.rig import read_rig
 from texbake.mesh.simplify import SimplifyReport
@@ -261,10 +261,11 @@ def _write_page(
 
 
 def _materials(model: PathLike, mesh: Mesh) -> Materials:
-    """Return the materials of a model; one without channels where it has none."""
+    """Return the materials of a model; where it has none, what its format shows then."""
     found = model_materials(model, mesh, variants=True)
     if found is not None:
         return found
-    return Materials(
-        face_materials=np.zeros(mesh.n_faces, np.int32), materials=(MeshMaterial(name=mesh.name),)
-    )
+    is_gltf = Path(model).suffix.lower() in (".glb", ".gltf")
+    names = ("metallic", "roughness") if is_gltf else ()
+    bare = MeshMaterial(name=mesh.name, channels={name: ChannelSource((1.0,)) for name in names})
+    return Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(bare,))

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.errors import FileFormatError, MeshError, quoted, warn_of
+from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
 from texbake.mesh.compose import MeshPart, join_parts
@@ -46,6 +46,7 @@ from texbake.mesh.rig import moving_ancestors, rotation_matrices
 from texbake.records import dataclass
 
 _PLACES = {"TRANSLATION": ("translation", 3), "ROTATION": ("rotation", 4), "SCALE": ("scale", 3)}
+_POINTS_AND_LINES = range(4)  # modes of primitives
 _MOVES = ("translation", "rotation", "scale")
 MAX_TRIANGLES = 20_000_000
 """Triangles, or a third of the vertices, that a file may place if its buffers have fewer bytes.
@@ -85,6 +86,9 @@ def _read_parts(placed: SceneNodes) -> list[tuple[MeshPart, str, int]]:
             if key not in requests:
                 further = further_sets(document, primitive)
                 requests[key] = PrimitiveRequest(primitive, further=tuple(further), deforms=True)
+    modes = [each.primitive.get("mode", TRIANGLES) for each in requests.values()]
+    if n_flat := sum(mode in _POINTS_AND_LINES for mode in modes):
+        warn_of(document.path, f"left out {counted(n_flat, 'primitive')} of points or lines")
     pieces = dict(zip(requests, read_primitives(document, list(requests.values())), strict=True))
     parts = []
     n_corners = 0
