@@ -9,9 +9,10 @@ from texbake.core import core
 from texbake.mapping.atlas.atlas import make_atlas
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
-from texbake.mapping.atlas.cutting.body import _Body, face_energies, flatten_body
+from texbake.mapping.atlas.cutting.body import _Body, flatten_body
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.flatten import face_energies
 from texbake.mapping.atlas.joining.necks import divide_at_necks
 from texbake.mapping.atlas.joining.pieces import pieces_of
 from texbake.mapping.corner_uvs import signed_areas
@@ -163,3 +164,37 @@ def test_best_costs_no_more_than_good(mesh):
         weights = edge_weights(surface_of(mesh), hide=0.5).weights
         costs[quality] = layout_cost([mesh], [atlas.charts], [weights], fill)
     assert costs["best"] <= costs["good"]
+
+
+def test_seams_that_are_taken_back_leave_no_trace():
+    mesh = icosphere(3)
+    surface = surface_of(mesh)
+    corners, _, opposite = surface.joints
+    body = _Body(surface.points[corners], opposite, edge_weights(surface).weights.ravel())
+    body.cut_along([0, int(body.graph.ends[0])])
+    before = body.seams()
+    assert body.cut_to(int(body.distances.argmax()))
+    body.restore(before)
+    for now, then in zip(body.seams(), before, strict=True):
+        np.testing.assert_array_equal(now, then)
+
+
+@pytest.mark.parametrize("n_cuts", range(3))
+def test_a_dart_that_costs_more_than_it_saves_is_taken_back(monkeypatch, n_cuts):
+    """All darts after the first ones seem dear: their seams are not in the result."""
+    lengths = []
+
+    def cost(body, flat):
+        lengths.append(int(np.count_nonzero(body.cut)))
+        return float(len(lengths)) if len(lengths) > n_cuts + 1 else -float(len(lengths))
+
+    monkeypatch.setattr("texbake.mapping.atlas.cutting.body._cost", cost)
+    laid = body_of(icosphere(4))
+    edges = np.sort(
+        np.stack([laid.faces.ravel(), np.roll(laid.faces, -1, axis=1).ravel()], axis=1), axis=1
+    )
+    n_border = np.count_nonzero(np.unique(edges, axis=0, return_counts=True)[1] == 1)
+    assert n_border == lengths[n_cuts]
+    # Each later trial starts from the same seams, and has one dart more.
+    surface = surface_of(icosphere(4))
+    assert max(lengths) - n_border < len(surface.points) ** 0.5 * 4

@@ -13,10 +13,11 @@ import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
-from texbake.mapping.atlas.cutting.body import face_energies, flatten_body
+from texbake.mapping.atlas.cutting.body import flatten_body
 from texbake.mapping.atlas.cutting.parts import connected_parts, split_parts
+from texbake.mapping.atlas.cutting.pockets import close_mouths, find_pockets
 from texbake.mapping.atlas.cutting.repair import repair_charts
-from texbake.mapping.atlas.flatten import relax_charts
+from texbake.mapping.atlas.flatten import face_energies, relax_charts
 from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.necks import divide_at_necks
@@ -84,18 +85,25 @@ def whole_bodies(
 ) -> list[Charts]:
     """Charts of whole bodies, from candidate to candidate with more limbs cut off.
 
-    Other faces keep their charts, `others`; the list is empty if there is no body. `weights`
-    (F, 3): costs of seams along edges; `halves`: of a symmetric mesh, whose seams mirror each
-    other.
+    Pockets are bodies of their own. Other faces keep their charts, `others`; the list is empty if
+    there is no body. `weights` (F, 3): costs of seams along edges; `halves`: of a symmetric mesh,
+    whose seams mirror each other.
     """
     corners, solid, opposite = surface.joints
+    pockets = find_pockets(surface, weights)
+    is_mouth = (opposite >= 0) & (np.repeat(pockets, 3) != pockets[opposite // 3])
+    opposite = np.where(is_mouth, np.int32(-1), opposite)
     labels = np.where(solid & others.solid, connected_parts(opposite), -1)
     areas = surface_areas(surface.points[corners])
     least = _LEAST_SHARE * float(areas[labels >= 0].sum())
     parts = [
         part
         for part in split_parts(opposite, labels)
-        if _LEAST_FACES <= len(part.face_ids) <= _MOST_FACES and areas[part.face_ids].sum() >= least
+        if pockets[part.face_ids[0]] > 0
+        or (
+            _LEAST_FACES <= len(part.face_ids) <= _MOST_FACES
+            and areas[part.face_ids].sum() >= least
+        )
     ]
     found: list[Charts | None] = [None] * len(parts)
 
@@ -103,9 +111,11 @@ def whole_bodies(
         for number in range(first, last):
             part = parts[number]
             own = surface.points[corners[part.face_ids]]
-            laid = flatten_body(
-                own, part.opposite, weights[part.face_ids].ravel(), _plane_of(own, halves)
-            )
+            mouths = is_mouth.reshape(-1, 3)[part.face_ids].ravel()
+            if pockets[part.face_ids[0]] > 0:  # it opens at its own mouth
+                mouths[:] = False
+            closed = close_mouths(own, part.opposite, weights[part.face_ids].ravel(), mouths)
+            laid = flatten_body(*closed, _plane_of(own, halves), n_faces=len(own))
             if laid is not None and laid.flat.energy <= 4.0 * _MOST_ENERGY:
                 found[number] = laid.charts()
 

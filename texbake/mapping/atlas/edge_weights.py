@@ -15,7 +15,7 @@ from texbake.core import portable_math as pm
 from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.symmetry import MirrorPlane
 from texbake.raycast.rays import OPEN, Hemispheres, OcclusionRange, direction_sets, mixed
 from texbake.raycast.scene import RayScene
@@ -78,7 +78,7 @@ def edge_weights(
     `hide`: influence of openness, 0 to 1; `joined`: charts will be joined, so that seams across
     details and down the front, which cost more, can go; `plane`: of a symmetric surface.
     """
-    corners, solid, opposite = surface.joints
+    corners, _, opposite = surface.joints
     bevels = surface.bevels
     edges, angles = bevels.edges, bevels.angles
     soft = np.ones(len(opposite))
@@ -87,7 +87,7 @@ def edge_weights(
     weights[edges[bevels.within]] = _FLAT
     is_worth_length = False
     if hide > 0.0 and len(edges):
-        along = _along(_openness(surface, corners, solid), corners)
+        along = _along(openness(surface), corners)
         if joined:
             seen, clarity = _seen(surface, along, soft, hide, plane)
             is_worth_length = clarity > _FRONT or float(np.quantile(along, 0.25)) < _SHADE
@@ -188,8 +188,9 @@ def _turning(points: FloatArray, corners: IntArray) -> tuple[FloatArray, FloatAr
     return np.ascontiguousarray(means.T), bent, np.sqrt(np.maximum(squares, 0.0))
 
 
-def _openness(surface: ChartSurface, corners: IntArray, solid: BoolArray) -> FloatArray:
+def openness(surface: ChartSurface) -> FloatArray:
     """(V,) float64: open share of the surroundings, 0 to 1, averaged over neighbors."""
+    corners, solid, _ = surface.joints
     n = len(surface.points)
     used = np.unique(corners[solid])
     step = max(_STRIDE, -(-len(used) // _MOST))

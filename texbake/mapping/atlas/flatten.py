@@ -86,6 +86,24 @@ def _flat(uvs: FloatArray, figures: FloatArray) -> Flat:
     return Flat(uvs=uvs, l2=l2, energy=energy, injective=bool(injective))
 
 
+def face_energies(corners: FloatArray, uvs: FloatArray) -> FloatArray:
+    """(m,) float64: a quarter of the symmetric Dirichlet energy of each face, 1 at best."""
+    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    first = (edges[:, 0] ** 2).sum(axis=1)
+    dot, second = (edges[:, 0] * edges[:, 1]).sum(axis=1), (edges[:, 1] ** 2).sum(axis=1)
+    squares = first * second - dot**2  # of twice the area
+    a, b = uv_edges[:, 0], uv_edges[:, 1]
+    growth = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    sums = second * (a**2).sum(axis=1) - 2.0 * dot * (a * b).sum(axis=1)
+    sums += first * (b**2).sum(axis=1)
+    valid = (squares > 0.0) & (growth > 0.0)
+    energies = np.ones(len(corners))
+    np.divide(sums, 4.0 * squares, out=energies, where=valid)
+    inverse = np.zeros(len(corners))
+    np.divide(squares, growth**2, out=inverse, where=valid)
+    return np.where(valid, np.minimum(energies * (1.0 + inverse), 1e6), 1.0)
+
+
 _ACCURACY = 1e-5  # at which `flatten` stops
 
 

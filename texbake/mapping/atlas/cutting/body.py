@@ -1,8 +1,7 @@
 """Whole bodies: cut along a tree of seams and flattened as one chart, as an artist would.
 
-Handles are cut open first. The tree of seams then extends to the extremities of a body, such as
-feet, hands and horns. Darts follow, each from the place of most stretch to the nearest seam, as
-long as the stretch that they save is worth their length.
+Handles are cut open first, and closed bodies from end to end. Darts follow, each from the place of
+most stretch to the nearest seam; those that cost more than they save are taken back.
 
 Based on: X. Gu, S. Gortler, H. Hoppe, "Geometry Images", 2002 (the cut grows to where the layout
 stretches most). A. Sheffer, J. Hart, "Seamster: Inconspicuous Low-Distortion Texture Seam Layout",
@@ -22,18 +21,20 @@ import numpy.typing as npt
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.path_mirror import PathMirror
-from texbake.mapping.atlas.flatten import Flat, flatten
+from texbake.mapping.atlas.flatten import Flat, face_energies, flatten
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
-from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
+from texbake.mesh.mesh import AnyArray, BoolArray, FloatArray, IntArray
 from texbake.mesh.symmetry import MirrorPlane
 from texbake.mesh.topology import EdgeGraph, next_half_edges, path_back
 from texbake.records import dataclass
 
-# Least lengths of the cut to an extremity and of a dart, in sides of a square as large as the body.
-_REACH, _LEAST_DART = 0.5, 0.05
-_MOST_REACHED, _MOST_DARTS = 64, 24
-_PATIENCE = 5  # darts that lower the cost no further, after which no more are tried
+# In sides of a square as large as the body: distance of an end from the mirror plane up to which
+# the first cut runs along the plane, and least length of a dart.
+_BESIDE, _LEAST_DART = 0.5, 0.05
+_MOST_DARTS = 24
+_PATIENCE = 5  # darts in a row that do not lower the cost, after which no more are tried
+_NEAR_DART = 0.5  # distance from the end of such a dart, in its lengths, where no other ends
 
 # Cost of a body: its seams, and a constant for its outline, in sides of a square as large, times
 # its energy (1 at best) to this power.
@@ -63,24 +64,25 @@ class BodyLayout:
 
 
 def flatten_body(
-    points: FloatArray, opposite: IntArray, weights: FloatArray, plane: MirrorPlane | None = None
+    points: FloatArray,
+    opposite: IntArray,
+    weights: FloatArray,
+    plane: MirrorPlane | None = None,
+    *,
+    n_faces: int | None = None,
 ) -> BodyLayout | None:
     """Flatten a connected surface as one chart, which may overlap itself; None if impossible.
 
     `points` (m, 3, 3) float64: the corners of its faces; `opposite` (3 m,) int32: their half-edges;
     `weights` (3 m,) float64: cost of a seam for each unit of its length, infinite for none;
-    `plane`: a mirror plane of the body, whose seams are cut in pairs.
+    `plane`: a mirror plane of the body, whose seams are cut in pairs; `n_faces`: those of the
+    chart, which come first; others only close holes.
     """
     body = _Body(points, opposite, weights, plane)
     if not body.has_seam and not _open_up(body):
         return None
-    for _ in range(_MOST_REACHED):
-        if body.distances.max() < _REACH * body.side or not body.cut_to(_farthest(body.distances)):
-            break
     rough = _best_darts(body)
-    if rough is None:
-        return None
-    return _finished(body, rough)
+    return None if rough is None else _finished(body, rough, n_faces)
 
 
 def cut_tube_open(
@@ -159,8 +161,11 @@ class _Body:
         self._ids = ids[self.graph.order]
         self.mirror = None if plane is None else PathMirror(plane, self.points, self.graph)
         # From the nearest seam: by length, less where the cheapest path is dear for its length.
-        self.distances, self.seam_lengths, self._path_costs = np.full((3, len(self.points)), np.inf)
-        self.before, self._nearest = np.full((2, len(self.points)), -1, dtype=np.int32)
+        lengths = np.full((3, len(self.points)), np.inf)
+        paths = np.full((2, len(self.points)), -1, dtype=np.int32)
+        self.distances, self.seam_lengths, self._path_costs = lengths
+        self.before, self._nearest = paths
+        self._state: list[AnyArray] = [self.cut, lengths, paths]
         self._reach_from(np.unique(np.concatenate([self.tails[back], self.heads[back]])))
 
     @property
@@ -202,6 +207,21 @@ class _Body:
             ids = ids[self.opposite[ids] >= 0]
             self.cut[ids] = self.cut[self.opposite[ids]] = True
         self._reach_from(np.array(path))
+
+    def seams(self) -> list[AnyArray]:
+        """The seams so far, and what is nearest to them, for `restore`."""
+        return [each.copy() for each in self._state]
+
+    def restore(self, seams: list[AnyArray]) -> None:
+        """Take cuts back."""
+        for each, values in zip(self._state, seams, strict=True):
+            each[:] = values
+
+    def is_near(self, vertex: int) -> BoolArray:
+        """(m,) faces around a vertex, up to half as far as the nearest seam, and their images."""
+        ends = [vertex] if self.mirror is None else [vertex, self.mirror.image_of(vertex)]
+        gaps = pm.norm(self.corners.mean(axis=1)[:, None] - self.points[ends], axis=2)
+        return np.asarray(gaps.min(axis=1) <= _NEAR_DART * self.seam_lengths[vertex])
 
     def split_corners(self) -> tuple[IntArray, npt.NDArray[np.intp]]:
         """(m, 3) int32: vertices on either side of a seam, numbered; and a corner of each."""
@@ -249,7 +269,7 @@ def _open_halves(body: _Body, mirror: PathMirror, distances: FloatArray, before:
     """Cut from the plane to where `distances` are 0, and the mirror image; or along the plane."""
     at_plane = np.flatnonzero(mirror.is_at_plane)
     root = int(at_plane[distances[at_plane].argmin()])
-    if distances[root] < _REACH * body.side:
+    if distances[root] < _BESIDE * body.side:
         end = int(at_plane[np.where(np.isfinite(distances), distances, -1.0)[at_plane].argmax()])
         path = mirror.path_at_plane(np.array([root], dtype=np.int32), end)
         body.cut_along(path)
@@ -310,7 +330,7 @@ def _loops_at(body: _Body, distances: FloatArray, before: IntArray) -> list[list
     ]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Rough:
     """The seams of a body, its layout, and what it costs."""
 
@@ -320,24 +340,28 @@ class _Rough:
 
 
 def _best_darts(body: _Body) -> _Rough | None:
-    """Cut darts until the cost rises; return the layout of least cost, which may overlap itself."""
+    """Cut the darts that lower the cost; return the layout, which may overlap itself."""
     best: _Rough | None = None
-    corner_uvs: FloatArray | None = None
-    n_worse = 0
+    is_tried = np.zeros(len(body.vertices), dtype=bool)
+    before, end, n_worse = body.seams(), -1, 0
     for _ in range(_MOST_DARTS):
         faces, first = body.split_corners()
         points = body.corners.reshape(-1, 3)[first]
-        start = None if corner_uvs is None else corner_uvs.reshape(-1, 2)[first]
+        start = None if best is None else best.corner_uvs.reshape(-1, 2)[first]
         flat = flatten(points, faces, start, n_iterations=_STEPS, accuracy=_ROUGH)
-        if flat is None:
-            return best
-        corner_uvs = flat.uvs[faces]
-        cost = _cost(body, flat)
-        n_worse += 1
-        if best is None or cost < best.cost:
-            best, n_worse = _Rough(cut=body.cut.copy(), corner_uvs=corner_uvs, cost=cost), 0
-        if n_worse > _PATIENCE or not body.cut_to(_most_stretched(body, corner_uvs)):
-            return best
+        cost = math.inf if flat is None else _cost(body, flat)
+        if flat is not None and (best is None or cost < best.cost):
+            best, n_worse = _Rough(body.cut.copy(), flat.uvs[faces], cost), 0
+        elif best is None:
+            return None
+        else:  # no dart to its neighborhood
+            n_worse += 1
+            body.restore(before)
+            is_tried |= body.is_near(end)
+        end = _most_stretched(body, best.corner_uvs, is_tried)
+        before = body.seams()
+        if n_worse > _PATIENCE or end < 0 or not body.cut_to(end):
+            break
     return best
 
 
@@ -345,8 +369,8 @@ def _cost(body: _Body, flat: Flat) -> float:
     return (body.seam_cost / body.side + _OUTLINE) * float(pm.power(flat.energy / 4.0, _POWER))
 
 
-def _most_stretched(body: _Body, corner_uvs: FloatArray) -> int:
-    """The vertex that a dart should lead to; one on a seam if all others are too close to one."""
+def _most_stretched(body: _Body, corner_uvs: FloatArray, is_tried: BoolArray) -> int:
+    """The vertex that a dart should lead to; -1 if all faces are tried or close to a seam."""
     excess = (face_energies(body.corners, corner_uvs) - 1.0) * body.areas
     areas = body.areas
     for _ in range(_SMOOTHINGS):
@@ -354,37 +378,23 @@ def _most_stretched(body: _Body, corner_uvs: FloatArray) -> int:
         areas = (areas + areas[body.neighbors].sum(axis=1)) / 4.0
     distances = np.where(np.isfinite(body.distances), body.distances, 0.0)[body.vertices]
     density = np.divide(excess, areas, out=np.zeros_like(excess), where=areas > 0.0)
-    gains = np.where(
-        distances.max(axis=1) >= _LEAST_DART * body.side, density * distances.mean(axis=1), 0.0
-    )
+    is_far = ~is_tried & (distances.max(axis=1) >= _LEAST_DART * body.side)
+    gains = np.where(is_far, density * distances.mean(axis=1), 0.0)
     face = int(gains.argmax())
     if gains[face] <= 0.0:
-        return int(body.vertices.ravel()[body.cut.argmax()])
+        return -1
     return int(body.vertices[face][distances[face].argmax()])
 
 
-def face_energies(corners: FloatArray, uvs: FloatArray) -> FloatArray:
-    """(m,) float64: a quarter of the symmetric Dirichlet energy of each face, 1 at best."""
-    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
-    first = (edges[:, 0] ** 2).sum(axis=1)
-    dot, second = (edges[:, 0] * edges[:, 1]).sum(axis=1), (edges[:, 1] ** 2).sum(axis=1)
-    squares = first * second - dot**2  # of twice the area
-    a, b = uv_edges[:, 0], uv_edges[:, 1]
-    growth = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    sums = second * (a**2).sum(axis=1) - 2.0 * dot * (a * b).sum(axis=1)
-    sums += first * (b**2).sum(axis=1)
-    valid = (squares > 0.0) & (growth > 0.0)
-    energies = np.ones(len(corners))
-    np.divide(sums, 4.0 * squares, out=energies, where=valid)
-    inverse = np.zeros(len(corners))
-    np.divide(squares, growth**2, out=inverse, where=valid)
-    return np.where(valid, np.minimum(energies * (1.0 + inverse), 1e6), 1.0)
-
-
-def _finished(body: _Body, rough: _Rough) -> BodyLayout | None:
-    """Relax a layout fully."""
+def _finished(body: _Body, rough: _Rough, n_faces: int | None) -> BodyLayout | None:
+    """Relax a layout fully, and keep its first faces."""
     body.cut[:] = rough.cut
     faces, first = body.split_corners()
     points = body.corners.reshape(-1, 3)[first]
     flat = flatten(points, faces, rough.corner_uvs.reshape(-1, 2)[first], accuracy=_FINE)
-    return None if flat is None else BodyLayout(faces=faces, flat=flat)
+    if flat is None:
+        return None
+    used, numbers = np.unique(faces[:n_faces], return_inverse=True)
+    return BodyLayout(
+        faces=numbers.reshape(-1, 3).astype(np.int32), flat=replace(flat, uvs=flat.uvs[used])
+    )
