@@ -12,9 +12,10 @@ from texbake import Mesh, distortion
 from texbake.errors import DependencyError, UnwrapError
 from texbake.mapping.atlas.cutting import xatlas_charts
 from texbake.mapping.atlas.cutting.cut import cut_charts as cut_surface, surface_of
+from texbake.mapping.atlas.joining.pieces import pieces_of
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import overlap_layers
-from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, plane
+from texbake.mesh.shapes import _geodesic_sphere, cube, grid_sphere, icosphere, plane
 
 
 def cut_charts(mesh, regions=None, threads=None, **options):
@@ -216,3 +217,16 @@ def test_no_chart_of_a_thin_plate_goes_around_an_edge(shape):
     a, b, c = plate.positions[plate.faces].transpose(1, 0, 2)
     sides = np.column_stack([charts.chart_ids[charts.faces[:, 0]], np.cross(b - a, c - a)])
     assert len(np.unique(sides, axis=0)) == charts.n_charts
+
+
+@pytest.mark.parametrize("seed", [2, 4])
+def test_no_stretch_is_accepted_as_noise_on_a_smooth_surface(seed):
+    mesh = icosphere(3)
+    mesh = mesh.replace(positions=mesh.positions * np.array([2.0, 1.0, 0.5]))
+    rng = np.random.default_rng(seed)
+    along = mesh.positions @ rng.normal(size=3)
+    ends = np.exp(3.0 * np.sin(along * rng.uniform(2.0, 8.0)))[mesh.faces]
+    surface = surface_of(mesh)
+    charts = cut_surface(mesh, surface, weights=(ends + np.roll(ends, -1, axis=1)) / 2.0)
+    pieces = pieces_of(surface, charts, surface.opposite(charts.solid))
+    assert max(piece.l2 for piece in pieces) <= 1.007

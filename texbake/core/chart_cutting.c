@@ -21,8 +21,8 @@
 #include "numbers.h"
 
 /* Dividing helps if it leaves less than `HELP` of the stretch above 1: on a smooth surface about a
-   quarter is left, on noise nearly all. Where it does not help, a stretch of `MOST_NOISE` is
-   accepted. */
+   quarter is left, on noise nearly all. Where it does not help on a noisy surface, a
+   stretch of `MOST_NOISE` is accepted. */
 static const double HELP = 0.9;
 static const double MOST_NOISE = 1.25;
 
@@ -125,7 +125,7 @@ static void cut(struct cutting *cutting, struct part *part, int level)
     bool is_done = part->is_laid && part->l2 <= cutting->limits.most_l2;
     if (!is_done)
         is_done = cut_open(cutting, part);
-    if (!is_done && part->is_laid && part->l2 <= MOST_NOISE)
+    if (!is_done && part->is_laid && cutting->is_noisy && part->l2 <= MOST_NOISE)
         is_done = !helps_to_divide(cutting, part);
     if (part->is_laid && (is_done || part->n_faces == 1)) {
         shape(cutting, part, level);
@@ -268,7 +268,8 @@ EXPORT int64_t cut_charts(
     memcpy(cutting.opposite, opposite, (size_t)(3 * n_faces) * sizeof *opposite);
     measure_faces(&cutting, normals);
     const double rough = roughness(&cutting);
-    if (rough > 0.0)
+    cutting.is_noisy = rough > 0.0;
+    if (cutting.is_noisy)
         filter_normals(&cutting, max_f64(SIMILAR, 2.0 * rough));
     lay_out(&cutting, &whole);
     cut(&cutting, &whole, 0);

@@ -44,6 +44,7 @@ struct cutting {
     double (*normals)[3]; /* without noise; of unit length, or 0 */
     double *areas;
     struct chart_limits limits;
+    bool is_noisy; /* stretch that dividing does not lower is accepted */
     int64_t n_faces;
     int32_t *opposite;    /* -1 also where a chart was cut open */
     struct part **charts; /* room for two per face; NULL: joined with another */
