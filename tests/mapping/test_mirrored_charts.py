@@ -72,6 +72,21 @@ def test_faces_find_their_mirror_images():
     np.testing.assert_array_equal(halves.twins, twins)
 
 
+def test_the_halves_of_a_scan_meet_along_a_straight_line():
+    surface = surface_of(shape())
+    halves = find_halves(surface)
+    assert halves.twins is None
+    corners, _, opposite = surface.joints
+    edges = np.flatnonzero(np.repeat(halves.sides, 3) > halves.sides[opposite // 3])
+    tails, heads = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
+    steps = surface.points[heads] - surface.points[tails]
+    steps /= np.linalg.norm(steps, axis=1)[:, None]
+    leaving = dict(zip(tails[edges].tolist(), edges.tolist(), strict=True))
+    following = [leaving[head] for head in heads[edges].tolist()]
+    cosines = (steps[edges] * steps[following]).sum(axis=1)
+    assert np.mean(cosines < 0.5) < 0.15  # 0.27 if each face goes to the side that it lies on
+
+
 def test_overlap_lays_one_half_on_the_other():
     mesh = symmetric()
     found, report = unwrap_with_report(mesh, symmetry="overlap", size=256)

@@ -2,16 +2,18 @@
 
 A polygon is on one side of the mirror plane, or in the middle if it is large and crosses the plane.
 A small polygon that crosses the plane, as on scans, belongs to the side that contains most of it.
+Short edges between the sides of a triangle mesh then move to the straightest path along the plane.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from texbake.core import portable_math as pm
+from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mapping.atlas.cutting.path_mirror import LEAST_NEAR, MOST_NEAR
 from texbake.mapping.corner_uvs import surface_areas
+from texbake.mapping.stretch import longest_squares
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray
 from texbake.mesh.symmetry import MirrorPlane, find_mirror_plane, plane_between
 from texbake.mesh.triangle_tree import TriangleTree
@@ -28,6 +30,9 @@ _LOOKED_AT = 1000
 _LEAST_MATCHED = 0.5
 # Least share of faces with an image where faces without one would break up charts.
 _WELL_MATCHED = 0.97
+# Width of the band in which the border of the sides moves: two rings of faces, of which none is
+# longer than this, in diagonals, as those of mechanical parts are.
+_BAND_WIDTH, _SHORT = 0.0, 0.05
 _ROUNDS = 2  # of moving the plane halfway between vertices and their images
 
 
@@ -55,6 +60,8 @@ def halves_of(surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False)
         twins = None
     sides = _sides(points, faces, polygons, plane)
     if twins is None:
+        if surface.polygons is None:  # otherwise, they bound the sides by rows of edges
+            sides = _straight_sides(surface, plane, sides)
         return Halves(plane, sides, None)
     matched = (twins >= 0).all(axis=1)
     own = matched & (polygons[twins[:, 0] // 3] == polygons)
@@ -94,6 +101,24 @@ def _sides(points: FloatArray, faces: IntArray, polygons: IntArray, plane: Mirro
     sides = np.where(means >= 0.0, 1, -1)
     sides[(low < -least) & (high > least) & (areas > _LARGE * areas.sum())] = 0
     return np.asarray(sides[polygons], dtype=np.int32)
+
+
+def _straight_sides(surface: ChartSurface, plane: MirrorPlane, sides: IntArray) -> IntArray:
+    """(F,) sides, whose border is the straightest path along the plane."""
+    corners, _, opposite = surface.joints
+    diagonal = float(pm.norm(np.ptp(surface.points[corners].reshape(-1, 3), axis=0)))
+    is_short = longest_squares(surface.points[corners]) <= (_SHORT * diagonal) ** 2
+    is_free = np.repeat((sides != 0) & is_short, 3)
+    labels = (sides > 0).astype(np.int32)
+    core.straighten_borders(
+        surface.points,
+        corners,
+        np.where(is_free & is_free[opposite], opposite, -1).astype(np.int32),
+        plane_costs(surface, plane),
+        _BAND_WIDTH,
+        labels,
+    )
+    return np.where(sides != 0, 2 * labels - 1, 0).astype(np.int32)
 
 
 def _twin_corners(
