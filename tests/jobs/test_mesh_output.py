@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from texbake.errors import FileError
+from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh, write_mesh
@@ -24,6 +25,7 @@ from texbake.texture.material_images import components_of, image_codes
 from texbake.verbs.meshes import repair_file, transform_file
 from texbake.verbs.simplify import simplify_file, simplify_levels
 from texbake.verbs.unwrap import unwrap_files
+from texbake.verbs.whole_jobs import lighten_file
 
 CODES = np.random.default_rng(3).integers(0, 255, (4, 6, 8, 4), np.uint8)
 
@@ -245,6 +247,10 @@ def test_what_an_opaque_case_hides_is_dropped(tmp_path, glass, n_left):
     assert any(dropped in line for line in done.warnings) == (n_left == 12)
     names = materials_of(tmp_path / "low.glb").names
     assert ("ball" in names) == (n_left > 12)
+    light = LightenOptions(n_faces=2_000, drop_hidden=True, views=0)
+    done = lighten_file(tmp_path / "a.glb", tmp_path / "light.glb", light)
+    assert (done.report.n_faces_before, done.report.n_faces) == (332, n_left)
+    assert any(dropped in line for line in done.warnings) == (n_left == 12)
 
 
 def test_groups_are_what_they_were(ball):

@@ -25,6 +25,7 @@ from texbake.jobs.light_images import Picture, coded, coded_pictures, with_files
 from texbake.jobs.light_models import LightModel, Source
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import compared_without, left_out
+from texbake.jobs.mesh_output import MeshFileMaterials
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.unwrap import UnwrapReport
 from texbake.mesh.files import read_mesh
@@ -153,12 +154,18 @@ def lighten(
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
         rig = read_rig(model)
-    whole = Source(source, materials, rig, options, stages, progress)
+    shown = source
+    notes: tuple[str, ...] = ()
+    file = MeshFileMaterials(path=Path(model), materials=materials, rig=rig)
+    if options.drop_hidden:
+        with stages.part("find hidden parts"):
+            shown, file, notes = file.without_hidden(source, threads=options.threads)
+    whole = Source(shown, file.materials or materials, rig, options, stages, progress)
     n_bytes_before = model_bytes(model, _images(materials))
     light_model, written, comparison = _lightened(model, whole, output)
     with stages.part("write"):
         rig = whole.write(light_model, written, output)
-    warnings = [*left_out(model, rig)]
+    warnings = [*left_out(model, rig), *notes]
     n_parts = max(len(materials.materials), len(source.group_names))
     if comparison is not None:
         warnings += compared_without(model, materials)

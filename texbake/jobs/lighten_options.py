@@ -61,6 +61,7 @@ class LightenOptions(CheckedOptions):
         "Let parts that are copies of one another share their texels, where texture coordinates "
         "are new. Copies may be moved, turned, mirrored or of another size.",
     )
+    drop_hidden: Annotated[bool, option_of(SimplifyOptions, "drop_hidden")] = False
     join: bool = option(False, "Write one node instead of those of the model.")
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"

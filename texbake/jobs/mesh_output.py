@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from texbake.errors import TexbakeError
+from texbake.errors import TexbakeError, counted
 from texbake.files import PathLike
 from texbake.jobs.outputs import (
     BARE_MESH_SUFFIXES,
@@ -76,6 +76,26 @@ class MeshFileMaterials:
             return self
         of_faces = self.materials.face_materials[chosen]
         return replace(self, materials=replace(self.materials, face_materials=of_faces))
+
+    def without_hidden(
+        self, mesh: Mesh, *, threads: int | None
+    ) -> tuple[Mesh, MeshFileMaterials, tuple[str, ...]]:
+        """Return the mesh and its materials without parts that nobody sees, and a note."""
+        from texbake.baking.parts.high_parts import materials_of_faces
+        from texbake.mesh.compose import excerpt
+        from texbake.raycast.hidden_faces import hidden_faces
+
+        rig = self.rig
+        if mesh.deformation is not None or (rig is not None and rig.content.get("animations")):
+            return mesh, self, (f"{mesh.name}: all parts stay, because the mesh can move",)
+        hidden = hidden_faces(mesh, *self.walls(mesh.n_faces), threads=threads)
+        if not hidden.any():
+            return mesh, self, (f"{mesh.name}: no part is hidden",)
+        note = f"{mesh.name}: dropped {counted(int(hidden.sum()), 'triangle')} of hidden parts"
+        materials = self.materials
+        if materials is not None:
+            materials = materials_of_faces(materials, mesh, ~hidden)
+        return excerpt(mesh, ~hidden), replace(self, materials=materials), (note,)
 
     def walls(self, n_faces: int) -> tuple[BoolArray, BoolArray]:
         """(F,) bool: faces through which nothing is seen, and those not drawn from behind."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from texbake.baking.memory import PROCESS, memory_left
-from texbake.errors import OptionError, counted
+from texbake.errors import OptionError
 from texbake.files import PathLike, appearing_together
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, check_angle, check_target, error_limit
 from texbake.records import dataclass
@@ -122,7 +122,7 @@ def simplify_levels(
     n_faces = read.n_faces
     if options.drop_hidden:
         with Stages(progress).stage("find hidden parts"):
-            read, materials, notes = _without_hidden(read, materials, threads)
+            read, materials, notes = materials.without_hidden(read, threads=threads)
     if options.join_objects:
         read = joined_objects(read)
     with Stages(progress).stage("find outside"):
@@ -174,24 +174,6 @@ def _read(
                 return reduced.mesh, MeshFileMaterials.read(path, reduced.mesh), reduced
     mesh, materials = read_with_materials(path, progress)
     return with_poses(mesh, materials.rig), materials, None
-
-
-def _without_hidden(
-    mesh: Mesh, materials: MeshFileMaterials, threads: int | None
-) -> tuple[Mesh, MeshFileMaterials, tuple[str, ...]]:
-    """Return a mesh and its materials without parts that nobody sees, and a note."""
-    from texbake.mesh.compose import excerpt
-    from texbake.raycast.hidden_faces import hidden_faces
-
-    rig = materials.rig
-    if mesh.deformation is not None or (rig is not None and rig.content.get("animations")):
-        return mesh, materials, (f"{mesh.name}: all parts stay, because the mesh can move",)
-    is_opaque, is_one_sided = materials.walls(mesh.n_faces)
-    hidden = hidden_faces(mesh, is_opaque, is_one_sided, threads=threads)
-    if not hidden.any():
-        return mesh, materials, (f"{mesh.name}: no part is hidden",)
-    note = f"{mesh.name}: dropped {counted(int(hidden.sum()), 'triangle')} of hidden parts"
-    return excerpt(mesh, ~hidden), materials.of_faces(~hidden), (note,)
 
 
 def _most(options: SimplifyOptions) -> int:
