@@ -186,8 +186,7 @@ def _one_sided(
     """From the first mesh to the second, whose positions in the frame are `places`."""
     (positions, to_positions), faces = places, meshes[0].faces
     tree = TriangleTree.for_points(n_samples, to_positions, meshes[1].faces, threads=threads)
-    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
-    n = min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
+    n = samples_allowed(tree, n_samples)
     face_ids, barycentrics = spread_samples(positions, faces, n, seed, threads)
     samples = _points_on(positions, faces, face_ids, barycentrics)
     of_samples = tree.closest_points(samples, threads=threads)[0]
@@ -212,6 +211,12 @@ def _one_sided(
     }
     lengths = {name: float(frame.length_to_model(figure)) for name, figure in figures.items()}
     return OneSidedDistance(**lengths, n_samples=n, n_left_out=n_samples - n)
+
+
+def samples_allowed(tree: TriangleTree, n_samples: int) -> int:
+    """How many samples may look for their closest points in a tree, at most those wanted."""
+    boxes = max(_BOXES_ALLOWED, _BOXES_AT_A_POINT * n_samples)
+    return min(n_samples, max(int(boxes / tree.boxes_at_a_point()), 1))
 
 
 def sample_surface(

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import core
-from texbake.mesh.distance import area_vectors, spread_samples
+from texbake.mesh.distance import area_vectors, samples_allowed, spread_samples
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.topology import find_edges
@@ -30,9 +30,10 @@ _SAMPLES_A_FACE, _FEWEST_SAMPLES, _MOST_SAMPLES = 10, 5_000, 40_000
 _POINT_WEIGHT = 0.5
 _ON_EDGES = (0.25, 0.5, 0.75)
 # A surface may leave the other by this share of the greatest distance, or where it already did.
-_FAR = 0.95
-# A face lies on the other surface if no place on it is farther than this share of the RMS distance.
-_EXACT = 0.3
+_FAR = 0.9
+# A face lies on the other surface if no place within it is farther than this share of the RMS
+# distance, and no vertex than that one: where the surface bends, those are off along the face, too.
+_EXACT, _EXACT_ENDS = 0.3, 2.0
 _LEAST_COSINE = 0.5  # between the normals of a face before and after
 _FLATTEST = 1e-3  # height of a face as a share of its longest edge
 _HALVINGS = 5
@@ -67,15 +68,16 @@ class _Fit:
         self.faces, self.threads = faces, threads
         self.edges = find_edges(faces)
         tails, heads = self.edges.vertices.T
-        ids = np.unique(faces)
+        # The middles of the faces, the vertices, and places on the edges.
+        self.used = np.unique(faces)
         lines = [np.stack([tails, heads, heads], axis=1)] * len(_ON_EDGES)
-        self.on_points = np.concatenate([faces, *lines, np.repeat(ids[:, None], 3, axis=1)])
-        counts = [len(faces)] + [len(tails)] * len(_ON_EDGES) + [len(ids)]
-        on_edges = [[1.0 - t, t, 0.0] for t in (*_ON_EDGES, 0.0)]
+        self.on_points = np.concatenate([faces, np.repeat(self.used[:, None], 3, axis=1), *lines])
+        counts = [len(faces), len(self.used)] + [len(tails)] * len(_ON_EDGES)
+        on_edges = [[1.0 - t, t, 0.0] for t in (0.0, *_ON_EDGES)]
         self.of_points = np.repeat([[1.0 / 3.0] * 3, *on_edges], counts, axis=0)
         self.tree = TriangleTree.build(source, of_source, threads=threads)
         n = min(max(_SAMPLES_A_FACE * len(faces), _FEWEST_SAMPLES), _MOST_SAMPLES)
-        self.n_samples = n
+        self.n_samples = n = samples_allowed(self.tree, n)
         on_source, shares = spread_samples(source, of_source, n, 0, threads)
         used = np.unique(of_source)
         used = used[np.arange(min(n, len(used))) * len(used) // min(n, len(used))]
@@ -96,11 +98,14 @@ class _Fit:
         weights[:n] = weights[len(self.own) : len(self.own) + n] = 1.0 + _POINT_WEIGHT
         distances = np.concatenate([to_here, there])
         squares = np.square(distances)
-        # Places that faces hold alone are those spread over them, and their middles.
-        n_inside = n + len(faces)
-        faces_inside = np.concatenate([on_faces, np.arange(len(faces))])
-        is_off = there[:n_inside] > _EXACT * np.sqrt(squares.mean())
-        is_exact = np.bincount(faces_inside[is_off], minlength=len(faces)) == 0
+        off_by = there / np.sqrt(max(float(squares.mean()), 1e-300))
+        is_off = off_by > _EXACT
+        n_inside = n + len(faces)  # without what faces share
+        off_vertices = np.zeros(len(points), dtype=np.bool_)
+        off_vertices[self.used] = off_by[n_inside : n_inside + len(self.used)] > _EXACT_ENDS
+        is_exact = ~off_vertices[faces].any(axis=1)
+        is_exact[on_faces[is_off[:n]]] = False
+        is_exact[is_off[n:n_inside]] = False
         weights *= 1.0 + squares / max(float(squares.mean()), 1e-300)
         return _Samples(
             np.concatenate([faces[ids], corners]),
@@ -142,9 +147,8 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
             samples.farthest(len(before)), _FAR * float(samples.distances.max(initial=0.0))
         )
         is_far = after.farthest(len(before)) > allowed
-        near = np.unique(faces[is_far[faces].any(axis=1)])
-        moved[near] = points[near]
-        points, samples = moved, after if len(near) == 0 else fit.samples(moved)
+        moved[is_far] = points[is_far]
+        points, samples = moved, fit.samples(moved) if is_far.any() else after
     return low.replace(positions=low.positions + grid.length_to_model(points - before))
 
 
