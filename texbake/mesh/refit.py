@@ -75,8 +75,8 @@ class _Fit:
         counts = [len(faces), len(self.used)] + [len(tails)] * len(_ON_EDGES)
         on_edges = [[1.0 - t, t, 0.0] for t in (0.0, *_ON_EDGES)]
         self.of_points = np.repeat([[1.0 / 3.0] * 3, *on_edges], counts, axis=0)
-        self.tree = TriangleTree.build(source, of_source, threads=threads)
         n = min(max(_SAMPLES_A_FACE * len(faces), _FEWEST_SAMPLES), _MOST_SAMPLES)
+        self.tree = TriangleTree.for_points(n, source, of_source, threads=threads)
         self.n_samples = n = samples_allowed(self.tree, n)
         on_source, shares = spread_samples(source, of_source, n, 0, threads)
         used = np.unique(of_source)
@@ -103,7 +103,7 @@ class _Fit:
         n_inside = n + len(faces)  # without what faces share
         off_vertices = np.zeros(len(points), dtype=np.bool_)
         off_vertices[self.used] = off_by[n_inside : n_inside + len(self.used)] > _EXACT_ENDS
-        is_exact = ~off_vertices[faces].any(axis=1)
+        is_exact = np.asarray(~off_vertices[faces].any(axis=1))
         is_exact[on_faces[is_off[:n]]] = False
         is_exact[is_off[n:n_inside]] = False
         weights *= 1.0 + squares / max(float(squares.mean()), 1e-300)
