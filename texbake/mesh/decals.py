@@ -7,6 +7,7 @@ original, by how they lie over larger parts, and raised in the result where they
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +27,9 @@ _HOSTS = (1.0, 8.0, 64.0, 512.0)
 # A sheet is found again by its box and area, as shares of its size and area.
 _SAME_BOX, _SAME_AREA = 0.15, 0.35
 _KEPT = 0.5  # share of its height over the surface that a sheet keeps everywhere
-_ROUNDS, _STEPS = 4, 10  # times that a sheet is raised, and steps between places along an edge
+_ROUNDS = 4  # times that a sheet is raised
+# Places on a sheet, and steps between them along an edge of a face.
+_PLACES, _FEWEST_STEPS, _MOST_STEPS = 100_000, 4, 24
 
 
 class _Parts:
@@ -134,8 +137,9 @@ def _raise(
 ) -> None:
     """Raise the vertices of faces until all of these are at some height over others."""
     tree = TriangleTree.build(points.copy(), hosts, threads=threads)
-    steps = [(i, j) for i in range(_STEPS + 1) for j in range(_STEPS + 1 - i)]
-    shares = np.array([(i, j, _STEPS - i - j) for i, j in steps]) / _STEPS
+    n = min(max(math.isqrt(2 * _PLACES // len(faces)), _FEWEST_STEPS), _MOST_STEPS)
+    steps = [(i, j) for i in range(n + 1) for j in range(n + 1 - i)]
+    shares = np.array([(i, j, n - i - j) for i, j in steps]) / n
     ids = np.unique(faces)
     for _ in range(_ROUNDS):
         places = (points[faces][:, None] * shares[:, :, None]).sum(axis=2)
