@@ -3,7 +3,7 @@
 import json
 import re
 from dataclasses import replace
-from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from texbake.errors import MeshError, OptionError, ReadWarning, UnwrapError, UvE
 from texbake.jobs import light_models
 from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.light_budget import Budget, Trial
+from texbake.jobs.light_codings import Codings
 from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files
 from texbake.jobs.light_models import LightModel, Source
 from texbake.jobs.lighten_options import LightenOptions
@@ -40,6 +41,7 @@ from texbake.progress import Stages
 from texbake.rendering.compare_models import compare_models
 from texbake.texture.image import decode_image, write_image
 from texbake.texture.model_materials import without_damaged_images
+from texbake.texture.pack import resized
 from texbake.verbs.whole_jobs import lighten_file, run_files
 
 OPTIONS = LightenOptions(n_faces=600, uvs="new", size=256, images="png", views=0)
@@ -494,7 +496,7 @@ def test_triangles_become_fewer_until_a_target_size_fits(monkeypatch):
         face_materials=np.zeros(mesh.n_faces, np.int32), materials=(MeshMaterial(name="a"),)
     )
 
-    def made(budget, n_faces, n_bytes):
+    def made(budget, n_faces, n_bytes, least_db):
         model = LightModel(
             mesh=excerpt(mesh, np.arange(mesh.n_faces) < n_faces),
             materials=materials,
@@ -506,12 +508,12 @@ def test_triangles_become_fewer_until_a_target_size_fits(monkeypatch):
             light_model=model,
             materials=materials,
             n_bytes=50_000 if n_faces < 800 else 200_000,
-            measure=partial(float, n_faces),
+            compare=lambda: SimpleNamespace(mean_db=float(n_faces)),
         )
 
     monkeypatch.setattr(Budget, "_trial", made)
     source = Source(mesh, materials, None, LightenOptions(), Stages(), None)
-    assert Budget("a.glb", source).within(100_000).light_model.mesh.n_faces < 800
+    assert Budget("a.glb", source, "b.glb").within(100_000).light_model.mesh.n_faces < 800
 
 
 def test_a_psnr_is_reached_with_few_bytes_or_the_reachable_one_is_named(tmp_path):
@@ -545,6 +547,21 @@ def test_a_psnr_excludes_options_that_contradict_it(others):
 def test_what_is_no_size_of_a_file_is_an_error(size):
     with pytest.raises(OptionError, match=r"^target_size: "):
         LightenOptions(target_size=size)
+
+
+def test_smaller_sides_are_means_of_texels_and_their_errors_those_of_the_whole():
+    values = np.random.default_rng(4).random((16, 16, 3))
+    codes = np.rint(255 * values.repeat(8, axis=0).repeat(8, axis=1)).astype(np.uint8)
+    image = Picture("noise", codes, is_color=False)
+    np.testing.assert_array_equal(image.at_side(16), codes[::8, ::8])
+    halves = codes[::8, ::8].reshape(8, 2, 8, 2, 3).astype(float).mean(axis=(1, 3))
+    assert np.abs(image.at_side(8) - halves).max() <= 0.5
+    smooth = Picture("smooth", resized(codes[::8, ::8] * np.float32(1), 256, 256).astype(np.uint8),
+                     is_color=False)  # fmt: skip
+    for side in (128, 64):
+        large = resized(smooth.at_side(side).astype(np.float32), 256, 256)
+        error = ((large - smooth.codes) ** 2).mean()
+        assert Codings(256, "webp", 1)._error_of(smooth, side) == pytest.approx(error, rel=0.3)
 
 
 def test_a_quality_leaves_forty_decibels_if_any_does():
@@ -659,7 +676,7 @@ def test_alpha_hides_colors_where_no_opaque_material_shows_them(tmp_path, modes,
         )
         for mode in modes
     )
-    (found,) = pictures_of(Materials(face_materials=np.zeros(1, np.int32), materials=items))
+    (found,) = pictures_of(Materials(face_materials=np.zeros(1, np.int32), materials=items), {})
     assert found.is_cut is is_cut
 
 
@@ -699,7 +716,7 @@ def test_images_of_extensions_are_encoded_as_well(tmp_path):
         extensions={"KHR_materials_volume": {"thicknessFactor": 2.0, "thicknessTexture": image}},
     )
     materials = Materials(face_materials=np.zeros(1, np.int32), materials=(glass,))
-    (found,) = pictures_of(materials)
+    (found,) = pictures_of(materials, {})
     assert not found.is_color and np.array_equal(found.codes, np.full((8, 8, 3), 90))
     (made,) = with_files(materials, {"thickness.png": b"new"}).materials
     volume = made.extensions["KHR_materials_volume"]

@@ -60,7 +60,7 @@ def test_views_are_spread_evenly():
 def test_a_model_is_like_itself(tmp_path):
     model = painted((0.8, 0.2, 0.1), tmp_path / "a.glb")
     found = compare_models(model, model, options=SMALL)
-    assert found.psnr_db == (math.inf,) * 12 and found.mean_db == found.worst_db == math.inf
+    assert found.psnr_db == (math.inf,) * 6 and found.mean_db == found.worst_db == math.inf
     assert found.n_faces[0] == found.n_faces[1] == uv_sphere(12, 16).n_faces
     assert found.before[0].shape == (32, 48, 3)
     # The sphere is red in each view, and fills what it is framed for.
@@ -85,6 +85,19 @@ def test_errors_are_those_of_the_pixels_that_either_model_touches(tmp_path):
         total, count = total + (apart**2).sum(), count + apart.size
     assert found.mean_db == pytest.approx(10 * math.log10(255**2 * count / total))
     assert found.worst_db == min(found.psnr_db) == found.psnr_db[found.worst_view]
+
+
+def test_views_are_left_out_where_the_rest_cannot_help(tmp_path):
+    models = [
+        painted(color, tmp_path / f"{i}.glb")
+        for i, color in enumerate([(0.5, 0.5, 0.5), (0.45, 0.5, 0.5)])
+    ]
+    whole = compare_models(*models, options=SMALL)
+    few = compare_models(*models, options=SMALL, least_db=whole.mean_db + 12.0)
+    assert len(few.views) == len(few.psnr_db) == len(few.before) == 1
+    assert few.mean_db == few.psnr_db[0] == whole.psnr_db[0] < whole.mean_db + 12.0
+    all_views = compare_models(*models, options=SMALL, least_db=whole.mean_db)
+    assert all_views.psnr_db == whole.psnr_db
 
 
 def test_other_formats_show_their_materials(tmp_path):

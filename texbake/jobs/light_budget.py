@@ -27,21 +27,18 @@ from texbake.jobs.light_models import LightModel, Source
 from texbake.mesh.materials import Materials
 from texbake.records import dataclass
 from texbake.rendering.compare_models import (
+    N_VIEWS,
     ModelComparison,
     ModelToDraw,
     compare_models,
     model_to_draw,
 )
-from texbake.rendering.options import RenderOptions
 
-# Of the pictures of trials.
-_VIEWS, _OPTIONS = 4, RenderOptions(width=256, height=256)
 _MOST_LEVELS, _LEAST_FACES = 4, 200
-_SURELY = 0.8  # of the bytes of a triangle in the whole model
 _UNLIMITED = 1 << 40  # bytes
-# Of a search for a PSNR: numbers of bytes that are tried for a number of triangles, the share of
-# the bytes that more triangles must get along with, what is close enough, and searches.
-_MOST_PROBES, _LESS, _SLACK_DB, _MOST_SEARCHES = 4, 0.97, 0.2, 4
+# Of a search for a PSNR: numbers of bytes that are tried for a number of triangles, and the share
+# of the bytes that more triangles must get along with.
+_MOST_PROBES, _LESS = 4, 0.97
 # Surplus that ends the probes, the part of what codings may add to the error that a probe aims at,
 # the least share of an error that counts, and the part of the bytes between two sizes, in
 # logarithms, in which the next probe lies.
@@ -55,13 +52,18 @@ class Trial:
     light_model: LightModel
     materials: Materials
     n_bytes: int
-    measure: Callable[[], float]  # the PSNR; 0 if it does not fit
+    compare: Callable[[], ModelComparison] | None  # None if it does not fit
     is_finest: bool = False  # whether every picture has the finest coding
 
     @cached_property
+    def comparison(self) -> ModelComparison | None:
+        """How it differs in pictures, which are drawn when they are needed."""
+        return None if self.compare is None else self.compare()
+
+    @property
     def db(self) -> float:
-        """Mean PSNR in small pictures, which are drawn when it is needed."""
-        return self.measure()
+        """Mean PSNR of the pictures; 0 if it does not fit."""
+        return 0.0 if self.comparison is None else self.comparison.mean_db
 
     @property
     def error(self) -> float:
@@ -75,6 +77,7 @@ class Budget:
 
     model: PathLike
     source: Source
+    output: PathLike  # named in the comparisons
     _levels: dict[int, LightModel] = field(default_factory=dict)
     _trials: dict[tuple[int, int], Trial] = field(default_factory=dict)
 
@@ -86,21 +89,15 @@ class Budget:
     @cached_property
     def _before(self) -> ModelToDraw:
         """The model in the pictures of trials."""
-        threads = self.source.options.threads
-        return model_to_draw(self.model, options=_OPTIONS, at_rest=True, threads=threads)
-
-    @cached_property
-    def _whole(self) -> ModelToDraw:
-        """The model in the views of the result."""
         return model_to_draw(self.model, at_rest=True, threads=self.source.options.threads)
 
     def within(self, n_bytes: int) -> Trial:
         """Return the closest model found whose file has at most `n_bytes`."""
         best: Trial | None = None
         least, n_fitting, n_before, number = _UNLIMITED, 0, 0, 0
-        counts = self._face_counts(n_bytes)
-        for i, n_faces in enumerate(counts):
-            trial = self._trial(n_faces, n_bytes)
+        counts = self._ladder()
+        for i, n_faces in list(enumerate(counts))[self._first_to_try(counts, n_bytes) :]:
+            trial = self._trial(n_faces, n_bytes, best.db if best else 0.0)
             least = min(least, trial.n_bytes)
             if trial.light_model.mesh.n_faces == n_before:
                 break  # it has no fewer triangles
@@ -114,7 +111,8 @@ class Budget:
             if n_fitting == _MOST_LEVELS or trial.is_finest:
                 break
         if best is not None and number > 0:
-            trial = self._trial(math.isqrt(counts[number - 1] * counts[number]), n_bytes)
+            between = math.isqrt(counts[number - 1] * counts[number])
+            trial = self._trial(between, n_bytes, best.db)
             best = trial if trial.n_bytes <= n_bytes and trial.db > best.db else best
         if best is None:
             raise OptionError(
@@ -123,43 +121,25 @@ class Budget:
             )
         return best
 
-    def reaching(self, db: float, output: PathLike) -> tuple[Trial, ModelComparison]:
-        """Return the smallest model found whose mean PSNR is `db` at least, and its pictures.
-
-        Small pictures choose a model, and large ones of its file decide whether it is close
-        enough. The difference of both figures corrects the next search.
-        """
-        found: tuple[Trial, ModelComparison] | None = None
-        trial, before = self._smallest(db), None
-        for _ in range(_MOST_SEARCHES):
-            before, pictures = trial, self._pictures(trial, output)
-            surplus = pictures.mean_db - db
-            if surplus >= 0.0 and (found is None or trial.n_bytes < found[0].n_bytes):
-                found = trial, pictures
-            if 0.0 <= surplus < _SLACK_DB or not math.isfinite(trial.db - surplus):
-                break
-            trial = self._smallest(trial.db - surplus)
-            if trial is before:
-                break
-        if found is None:
-            finest = self._trial(self._ladder()[0], _UNLIMITED)
-            pictures = self._pictures(finest, output)
-            if pictures.mean_db < db:
-                reached = math.floor(10.0 * pictures.mean_db) / 10.0
-                raise OptionError(
-                    f"min_psnr: the closest result for {self.source.mesh.name} has {reached:.1f} "
-                    "dB; reduce `min_psnr`, or increase `n_faces` or `size`"
-                )
-            found = finest, pictures
-        return found
+    def reaching(self, db: float) -> Trial:
+        """Return the smallest model found whose mean PSNR is `db` at least."""
+        trial = self._smallest(db)
+        if trial.db < db:
+            reached = math.floor(10.0 * trial.db) / 10.0
+            raise OptionError(
+                f"min_psnr: the closest result for {self.source.mesh.name} has {reached:.1f} dB; "
+                "reduce `min_psnr`, or increase `n_faces` or `size`"
+            )
+        return trial
 
     def _smallest(self, db: float) -> Trial:
-        """Return the smallest model found with `db` in small pictures; the finest if none has."""
+        """Return the smallest model found with `db`; the finest if none has."""
         counts = self._ladder()
         first, last = -1, len(counts) - 1
         while first < last:
             middle = (first + last + 1) // 2
-            if self._trial(counts[middle], _UNLIMITED).db >= db:
+            # An error names the PSNR of all views of the first.
+            if self._trial(counts[middle], _UNLIMITED, db if middle else 0.0).db >= db:
                 first = middle
             else:
                 last = middle - 1
@@ -168,7 +148,7 @@ class Budget:
             return best
         best = self._with_fewer_bytes(counts[first], best, db)
         for n_faces in counts[:first][::-1]:
-            trial = self._trial(n_faces, int(_LESS * best.n_bytes))
+            trial = self._trial(n_faces, int(_LESS * best.n_bytes), db)
             if trial.db < db:
                 break
             best = self._with_fewer_bytes(n_faces, trial, db)
@@ -203,17 +183,6 @@ class Budget:
                 low, n_low = trial, n_bytes
         return best
 
-    def _pictures(self, trial: Trial, output: PathLike) -> ModelComparison:
-        """Return pictures of a trial in the views of the result."""
-        source = self.source
-        with scratch_folder() as folder, source.stages.part("compare"):
-            path = folder / Path(output).name
-            source.write(trial.light_model, trial.materials, path)
-            return compare_models(
-                self._whole, path, n_views=source.options.views, at_rest=True,
-                threads=source.options.threads, progress=source.progress,
-            )  # fmt: skip
-
     def _ladder(self) -> list[int]:
         """Return numbers of triangles, from many to few."""
         options, n = self.source.options, self.source.mesh.n_faces
@@ -222,11 +191,10 @@ class Budget:
             counts.append(counts[-1] * 2 // 3)
         return counts
 
-    def _face_counts(self, n_bytes: int) -> list[int]:
-        """Numbers of triangles that may fit: a triangle takes more bytes if there are fewer."""
-        counts = self._ladder()
-        fit = [i for i, n in enumerate(counts) if n * self._least_bytes <= n_bytes]
-        return counts[min(fit, default=len(counts) - 1) :]
+    def _first_to_try(self, counts: list[int], n_bytes: int) -> int:
+        """Place of the first that may fit: a triangle takes more bytes if there are fewer."""
+        fit = (i for i, n in enumerate(counts) if n * self._least_bytes <= n_bytes)
+        return next(fit, len(counts) - 1)
 
     @cached_property
     def _least_bytes(self) -> float:
@@ -238,15 +206,16 @@ class Budget:
         )  # fmt: skip
         with scratch_folder() as folder:
             n_bytes = self._write(whole, {}, folder / "whole.glb")
-        return _SURELY * n_bytes / source.mesh.n_faces
+        return n_bytes / source.mesh.n_faces
 
-    def _trial(self, n_faces: int, n_bytes: int) -> Trial:
+    def _trial(self, n_faces: int, n_bytes: int, least_db: float = 0.0) -> Trial:
+        """Return what fits `n_bytes`; below `least_db`, its PSNR is of fewer views."""
         key = n_faces, n_bytes
         if key not in self._trials:
-            self._trials[key] = self._new_trial(n_faces, n_bytes)
+            self._trials[key] = self._new_trial(n_faces, n_bytes, least_db)
         return self._trials[key]
 
-    def _new_trial(self, n_faces: int, n_bytes: int) -> Trial:
+    def _new_trial(self, n_faces: int, n_bytes: int, least_db: float) -> Trial:
         if n_faces not in self._levels:
             self._levels[n_faces] = self.source.lightened(n_faces, is_trial=True)
         light_model = self._levels[n_faces]
@@ -263,19 +232,20 @@ class Budget:
             data = [path.read_bytes()]
         return Trial(
             light_model=light_model, materials=with_files(light_model.materials, files),
-            n_bytes=size, measure=partial(self._db, data) if size <= n_bytes else float,
-            is_finest=is_finest,
+            n_bytes=size, is_finest=is_finest,
+            compare=partial(self._compare, data, least_db) if size <= n_bytes else None,
         )  # fmt: skip
 
-    def _db(self, data: list[bytes]) -> float:
-        """PSNR of a file in small pictures; `data` gives it up, so that it takes no more memory."""
-        with scratch_folder() as folder, self.source.stages.part("compare trials"):
-            path = folder / "trial.glb"
+    def _compare(self, data: list[bytes], least_db: float) -> ModelComparison:
+        """Draw a file; `data` gives it up, so that it takes no more memory."""
+        options = self.source.options
+        with scratch_folder() as folder, self.source.stages.part("compare"):
+            path = folder / Path(self.output).name
             path.write_bytes(data.pop())
             return compare_models(
-                self._before, path, n_views=_VIEWS, options=_OPTIONS, at_rest=True,
-                threads=self.source.options.threads,
-            ).mean_db  # fmt: skip
+                self._before, path, n_views=options.views or N_VIEWS, at_rest=True,
+                least_db=least_db, threads=options.threads, progress=self.source.progress,
+            )  # fmt: skip
 
     def _write(self, light_model: LightModel, files: dict[str, bytes], path: Path) -> int:
         self.source.write(light_model, with_files(light_model.materials, files), path)

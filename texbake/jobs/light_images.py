@@ -8,7 +8,7 @@ count by it.
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
@@ -25,7 +25,7 @@ from texbake.rendering.compare_models import psnr_db
 from texbake.texture.encoding import decode_srgb, quantize_srgb, quantize_unsigned
 from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
 from texbake.texture.material_images import image_codes
-from texbake.texture.pack import resized
+from texbake.texture.mipmaps import averaged
 
 LEAST_DB = 40.0
 _QUALITIES = (30, 45, 60, 70, 80, 85, 90)
@@ -63,9 +63,9 @@ class Picture:
             values = self.codes.astype(np.float32) / np.float32(255.0)
             if self.is_color:
                 values[..., :3] = _linear_values()[self.codes[..., :3]]
-                small = quantize_srgb(resized(values, width, height), 8, n_colors=3)
+                small = quantize_srgb(averaged(values, width, height, threads=1), 8, n_colors=3)
             else:
-                small = quantize_unsigned(resized(values, width, height), 8)
+                small = quantize_unsigned(averaged(values, width, height, threads=1), 8)
             self._smaller[side] = np.asarray(small, np.uint8)
         return self._smaller[side]
 
@@ -130,8 +130,10 @@ def _of_least_quality(codes: ByteArray, encode: Callable[[int], bytes], is_cut: 
     return found[last] if last in found else encode(_QUALITIES[last])
 
 
-def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Picture, ...]:
-    """Return the images of materials, arranged as glTF reads them, each once."""
+def pictures_of(
+    materials: Materials, known: dict[Hashable, Picture], *, threads: int | None = None
+) -> tuple[Picture, ...]:
+    """Return the images of materials, arranged as glTF reads them, each once, and keep them."""
     found: dict[str, Picture] = {}
     cut = _cut_images(materials)
     for material in materials.materials:
@@ -144,9 +146,13 @@ def pictures_of(materials: Materials, *, threads: int | None = None) -> tuple[Pi
             kind = CHANNELS.get(channel)
             is_color = "Color" in channel if kind is None else kind.is_color
             is_color = is_color or channel == "alpha"
+            key = image.name, image.data, is_color, channel == "normal", image.name in cut
+            if key in known:
+                found[image.name] = known[key]
+                continue
             pixels, _ = image_codes(image, is_color=is_color, threads=threads)
             codes = quantize_unsigned(_with_colors(pixels), 8, threads=threads)
-            found[image.name] = Picture(
+            found[image.name] = known[key] = Picture(
                 image.name,
                 np.asarray(codes, np.uint8),
                 is_color,

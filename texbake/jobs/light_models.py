@@ -6,8 +6,8 @@ more, and every channel is baked into one set of images.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Hashable, Sequence
+from dataclasses import field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,6 +75,7 @@ class Source:
     options: LightenOptions
     stages: Stages
     progress: Progress
+    _known: dict[Hashable, Picture] = field(default_factory=dict)
 
     @property
     def n_faces(self) -> int:
@@ -220,7 +221,7 @@ class Source:
             materials = materials.of_faces(faces)
         with self.stages.part("read images"):
             materials = gltf_images(materials, threads=threads)
-            pictures = pictures_of(materials, threads=threads)
+            pictures = pictures_of(materials, self._known, threads=threads)
         if options.stack:
             why = _SHARED if pictures else "there are no images"
             warnings = (*warnings, f"{self.mesh.name}: `stack` changes nothing: {why}")

@@ -11,7 +11,7 @@ With a target size or a least PSNR, this is repeated for several numbers of tria
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +39,12 @@ from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
+from texbake.rendering.options import RenderOptions
 from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
 _MOST_PARTS = 1000
+_PAGE_PX = 512  # sides of the pictures of a page
 _NOT_COMPARED = (
     f"it has more than {_MOST_PARTS:,} parts, so its pictures are not compared with those of the "
     "result; use `html` to compare them anyway"
@@ -199,8 +201,21 @@ def lighten(
     lines = _once([*warnings, *_growth(model, output, figures), *light_model.warnings], comparison)
     done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
-        _write_page(html, comparison, done, command)
+        large = _large_pictures(model, output, options, progress)
+        shown = replace(comparison, before=large.before, after=large.after)
+        _write_page(html, shown, done, command)
     return done
+
+
+def _large_pictures(
+    model: PathLike, output: PathLike, options: LightenOptions, progress: Progress
+) -> ModelComparison:
+    """Draw the pictures of a page; those that are measured are smaller."""
+    size = RenderOptions(width=_PAGE_PX, height=_PAGE_PX)
+    return compare_models(
+        model, output, n_views=options.views, options=size,
+        at_rest=True, threads=options.threads, progress=progress,
+    )  # fmt: skip
 
 
 def _growth(model: PathLike, output: PathLike, figures: LightenReport) -> list[str]:
@@ -213,16 +228,16 @@ def _lightened(
     model: PathLike, whole: Source, output: PathLike
 ) -> tuple[LightModel, Materials, ModelComparison | None]:
     """Return what `output` gets, with the files of its images; and its pictures, if drawn."""
-    options, comparison = whole.options, None
+    options = whole.options
     if options.target_bytes is not None:
-        trial = Budget(model, whole).within(options.target_bytes)
+        trial = Budget(model, whole, output).within(options.target_bytes)
     elif options.min_psnr is not None:
-        trial, comparison = Budget(model, whole).reaching(options.min_psnr, output)
+        trial = Budget(model, whole, output).reaching(options.min_psnr)
     else:
         light_model = whole.lightened(whole.n_faces)
         with whole.stages.part("encode images"):
             return light_model, _coded(light_model, options), None
-    return trial.light_model, trial.materials, comparison
+    return trial.light_model, trial.materials, trial.comparison if options.views else None
 
 
 def _coded(light_model: LightModel, options: LightenOptions) -> Materials:

@@ -116,7 +116,7 @@ class LightenOptions(CheckedOptions):
         flag="--quantize/--no-quantize",
     )
     views: int = option(
-        12,
+        6,
         "Number of views in which the result is compared with the model; 0 for none.",
         metavar="N",
         low=0,

@@ -212,6 +212,15 @@ def _wrapped_indices(indices: Int64Array, size: int, wrap: int) -> Int64Array:
     return np.clip(indices, 0, size - 1)
 
 
+def averaged(
+    image: Float32Array, width: int, height: int, *, threads: int | None = None
+) -> Float32Array:
+    """Scale an image (H, W, C) down: each texel is the mean of what it covers."""
+    out = np.empty((height, width, image.shape[2]), np.float32)
+    _reduce(image, out, "box", (0, 0), threads)
+    return out
+
+
 def _reduce(
     level: Float32Array,
     out: Float32Array,

@@ -163,15 +163,18 @@ def _with_channels(image: AnyArray, n_channels: int) -> Float32Array:
 
 
 def resized(image: Float32Array, width: int, height: int) -> Float32Array:
-    """Scale an image down with a triangle filter, which never rings."""
+    """Scale an image with a triangle filter, which never rings."""
     if image.shape[:2] == (height, width):
         return image
     oiio = require_library("OpenImageIO", "resizing images")
 
     source = oiio.ImageBuf(np.ascontiguousarray(image))
     roi = oiio.ROI(0, width, 0, height, 0, 1, 0, image.shape[2])
-    smaller = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=roi)
-    return np.asarray(smaller.get_pixels(oiio.FLOAT), np.float32).reshape(height, width, -1)
+    if height >= image.shape[0] and width >= image.shape[1]:
+        made = oiio.ImageBufAlgo.resample(source, interpolate=True, roi=roi)  # the same, faster
+    else:
+        made = oiio.ImageBufAlgo.resize(source, filtername="triangle", roi=roi)
+    return np.asarray(made.get_pixels(oiio.FLOAT), np.float32).reshape(height, width, -1)
 
 
 Size = tuple[int, int]

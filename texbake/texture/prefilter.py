@@ -182,7 +182,8 @@ def _scales_and_biases(alpha: float, cosines: FloatArray) -> FloatArray:
     weight = np.where(
         lit, light_z * (view_root + view_z) / (light_z * view_root + view_z * light_root), 0
     )
-    fresnel = pm.power(np.clip(1 - view_half, 0, 1), 5)
+    away = np.clip(1 - view_half, 0, 1)
+    fresnel = (away * away) * (away * away) * away
     weight = weight * share / share.mean()
     return np.stack([(weight * (1 - fresnel)).mean(1), (weight * fresnel).mean(1)], axis=1)
 
