@@ -26,6 +26,8 @@ static const double MARKED_ACCURACY = 1e-4;
 /* Length of the mean of the normals, by area, of a part that counts as flat: they deviate by less
    than a tenth of a degree. */
 static const double FLAT = 1.0 - 1e-6;
+/* The same for one whose projection is where its layout starts if it has no other. */
+static const double NEARLY_FLAT = 0.95;
 
 /* Slivers are flattened as if they were wider. The layout of a part that is mostly slivers is
    useless if its area grows by more than this factor and its length exceeds the bounding box in
@@ -78,12 +80,13 @@ static void sum_normals(struct part *part, const double (*places)[3], double sum
     }
 }
 
-/* Project a part along its mean normal if it is flat. */
-static bool project(struct part *part, const double (*places)[3], const double normal[3])
+/* Project a part along its mean normal if that is at least so long, relative to the area. */
+static bool project(
+    struct part *part, const double (*places)[3], const double normal[3], double least_length)
 {
     const double length =
         sqrt(normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]);
-    if (!(length > 0.0 && length >= FLAT * part->area))
+    if (!(length > 0.0 && length >= least_length * part->area))
         return false;
     int least = 0;
     for (int axis = 1; axis < 3; axis++)
@@ -181,7 +184,7 @@ void lay_out_from(
     struct flat flat;
     part->is_laid = false;
     if (make_patch(arena, part->n_vertices, part->n_faces, faces, &patch)) {
-        const bool is_flat = project(part, places, normal);
+        const bool is_flat = project(part, places, normal, FLAT);
         const bool is_marked = isinf(cutting->limits.most_l2);
         struct limits limits = {is_flat ? 0 : n_steps, ACCURACY, false, NULL};
         if (is_marked && !is_flat)
@@ -214,4 +217,9 @@ void lay_out(const struct cutting *cutting, struct part *part)
     const double (*places)[3] = (const double (*)[3])place_vertices(cutting, part);
     part->uvs = take_zeros(cutting->arena, part->n_vertices, sizeof *part->uvs);
     lay_out_from(cutting, part, places, false, FULL_EFFORT);
+    double normal[3];
+    sum_normals(part, places, normal);
+    /* A plate with holes and bevels is no disk, and needs a start. */
+    if (!part->is_laid && project(part, places, normal, NEARLY_FLAT))
+        lay_out_from(cutting, part, places, true, FULL_EFFORT);
 }
