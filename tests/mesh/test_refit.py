@@ -36,6 +36,16 @@ def test_any_number_of_threads_gives_the_same_bytes():
     assert one.positions.tobytes() == several.positions.tobytes()
 
 
+def test_vertices_with_texture_coordinates_move_along_their_normals():
+    source, low = icosphere(5), icosphere(2)
+    low = low.replace(uvs=low.positions[:, :2].copy(), uv_faces=low.faces)
+    fitted = refitted(source, low)
+    lengths = np.linalg.norm(fitted.positions, axis=1)
+    assert lengths.min() > 1.005
+    assert fitted.positions / lengths[:, None] == pytest.approx(low.positions, abs=2e-4)
+    assert surface_distance(source, fitted).rms < 0.4 * surface_distance(source, low).rms
+
+
 def test_open_edges_stay():
     source = grid_sphere(60, 120, pole_margin=0.6)
     low = grid_sphere(9, 18, pole_margin=0.6)

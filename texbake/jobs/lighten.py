@@ -156,13 +156,13 @@ def lighten(
         source = read_mesh(model, progress=progress)
         materials = _materials(model, source)
         rig = read_rig(model)
-    shown = source
+    seen = source
     notes: tuple[str, ...] = ()
     file = MeshFileMaterials(path=Path(model), materials=materials, rig=rig)
     if options.drop_hidden:
         with stages.part("find hidden parts"):
-            shown, file, notes = file.without_hidden(source, threads=options.threads)
-    whole = Source(shown, file.materials or materials, rig, options, stages, progress)
+            seen, file, notes = file.without_hidden(source, threads=options.threads)
+    whole = Source(seen, file.materials or materials, rig, options, stages, progress)
     n_bytes_before = model_bytes(model, _images(materials))
     light_model, written, comparison = _lightened(model, whole, output)
     with stages.part("write"):

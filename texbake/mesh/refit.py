@@ -126,7 +126,9 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     grid = UnitGrid.around(mesh)
     before, source = grid.to_grid(low.positions), grid.to_grid(mesh.positions)
     # Neither the winding of faces nor copies of them change what is sampled.
-    faces = np.sort(low.faces, axis=1)
+    order = np.argsort(low.faces, axis=1)
+    faces = np.take_along_axis(low.faces, order, axis=1)
+    signs = np.where((order[:, 1] - order[:, 0]) % 3 == 1, 1.0, -1.0)
     of_source = np.sort(weld_rows(source, threads=threads)[mesh.faces], axis=1)
     fit = _Fit(source, of_source[~later_copies(of_source)], faces, threads)
     has_attributes = low.uv_faces is not None or low.normal_faces is not None
@@ -139,7 +141,7 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
         moved = points.copy()
         core.fit_vertices(
             samples.corners, samples.shares, samples.targets, samples.weights,
-            faces, is_exact, freedoms, _normals(points, faces), moved,
+            faces, is_exact, freedoms, _normals(points, faces, signs), moved,
         )  # fmt: skip
         moved = _without_folds(points, moved, faces)
         after = fit.samples(moved)
@@ -165,11 +167,13 @@ def _places(points: FloatArray, corners: IntArray, shares: FloatArray) -> FloatA
     return np.asarray(sum(shares[:, i, None] * points[corners[:, i]] for i in range(3)))
 
 
-def _normals(points: FloatArray, faces: IntArray) -> FloatArray:
-    """(V, 3) unit normals of vertices by the areas of their faces, 0 without any."""
-    normals = row_sums(
-        faces.ravel(), np.repeat(area_vectors(points, faces), 3, axis=0), len(points)
-    )
+def _normals(points: FloatArray, faces: IntArray, signs: FloatArray) -> FloatArray:
+    """(V, 3) unit normals of vertices by the areas of their faces, 0 without any.
+
+    `signs` (F,): -1 for faces that are wound the other way.
+    """
+    across = signs[:, None] * area_vectors(points, faces)
+    normals = row_sums(faces.ravel(), np.repeat(across, 3, axis=0), len(points))
     lengths = np.sqrt(np.square(normals).sum(axis=1, keepdims=True))
     return np.asarray(normals / np.maximum(lengths, 1e-300))
 
