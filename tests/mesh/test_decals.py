@@ -5,6 +5,7 @@ import pytest
 
 from tests.models import joined
 from texbake.mesh.compose import excerpt
+from texbake.mesh.decals import decals_raised
 from texbake.mesh.distance import sample_points
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.options import QUALITIES
@@ -40,3 +41,17 @@ def test_labels_stay_above_a_ball(height, quality):
     assert (heights > -1e-9).mean() > 0.999
     assert heights.min() > -1e-3
     assert np.linalg.norm(low.positions, axis=1).max() < 1.0 + height + 0.1
+
+
+def test_a_label_on_a_label_lies_above_it_whichever_comes_first():
+    def cap(least, radius, level):
+        ball = icosphere(level)
+        part = excerpt(ball, ball.positions[ball.faces].mean(axis=1)[:, 0] > least)
+        return part.replace(positions=radius * part.positions)
+
+    mesh = joined_objects(joined(cap(0.95, 1.01, 5), cap(0.7, 1.005, 5), icosphere(5)))
+    low = joined_objects(joined(cap(0.95, 0.99, 5), cap(0.7, 0.985, 5), icosphere(5)))
+    raised = decals_raised(mesh, low)
+    parts, _ = face_components(raised.faces, raised.n_vertices)
+    radii = [np.linalg.norm(raised.positions[raised.faces[parts == i]], axis=-1) for i in (0, 1, 2)]
+    assert radii[0].min() > radii[1].max() > radii[1].min() > 1.002

@@ -28,8 +28,8 @@ _HOSTS = (1.0, 8.0, 64.0, 512.0)
 _SAME_BOX, _SAME_AREA = 0.15, 0.35
 _KEPT = 0.5  # share of its height over the surface that a sheet keeps everywhere
 _ROUNDS = 4  # times that a sheet is raised
-# Places on a sheet, and steps between them along an edge of a face.
-_PLACES, _FEWEST_STEPS, _MOST_STEPS = 100_000, 4, 24
+# Places on a sheet, and on all of them, and steps between them along an edge of a face.
+_PLACES, _OF_ALL, _FEWEST_STEPS, _MOST_STEPS = 100_000, 2_000_000, 4, 24
 
 
 class _Parts:
@@ -37,7 +37,8 @@ class _Parts:
 
     def __init__(self, points: FloatArray, mesh: Mesh, threads: int | None):
         self.points, self.faces, self.threads = points, mesh.faces, threads
-        self.welded = weld_vertices(mesh, threads=threads)[mesh.faces]
+        self.firsts = weld_vertices(mesh, threads=threads)
+        self.welded = self.firsts[mesh.faces]
         self.numbers, self.n = face_components(self.welded, mesh.n_vertices)
 
     @cached_property
@@ -110,15 +111,25 @@ def decals_raised(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
         return low
     parts = _Parts(frame.to_local(low.positions), low, threads)
     points = parts.points.copy()
-    for sheet in np.flatnonzero(~np.isnan(heights)):
+    tree, n_hosts = None, 0
+    sheets = np.flatnonzero(~np.isnan(heights))
+    n_places = min(_PLACES, _OF_ALL // len(sheets))
+    # Large ones first, so that those that lie on them find them where they stay.
+    for sheet in sheets[np.argsort(-source.areas[sheets], kind="stable")]:
         off = np.abs(parts.boxes - source.boxes[sheet]).max(axis=(1, 2))
         is_same = off <= _SAME_BOX * source.sizes[sheet]
         is_same &= np.abs(parts.areas / source.areas[sheet] - 1.0) <= _SAME_AREA
-        hosts = low.faces[(parts.areas * _LARGEST >= source.areas[sheet])[parts.numbers]]
-        faces = low.faces[is_same[parts.numbers]]
-        if len(hosts) and len(faces):
-            _raise(points, faces, hosts, _KEPT * float(heights[sheet]), threads)
-    return low.replace(positions=low.positions + frame.length_to_model(points - parts.points))
+        is_host = parts.areas * _LARGEST >= source.areas[sheet]
+        if is_host.sum() > n_hosts:  # otherwise, they are those of the last sheet
+            n_hosts = int(is_host.sum())
+            hosts = low.faces[is_host[parts.numbers]]
+            tree = TriangleTree.build(points[parts.firsts], hosts, threads=threads)
+        faces = parts.welded[is_same[parts.numbers]]
+        if tree is not None and len(faces):
+            n_steps = min(max(math.isqrt(2 * n_places // len(faces)), _FEWEST_STEPS), _MOST_STEPS)
+            _raise(points, faces, tree, _KEPT * float(heights[sheet]), n_steps, threads)
+    moved = (points - parts.points)[parts.firsts]
+    return low.replace(positions=low.positions + frame.length_to_model(moved))
 
 
 def _over(
@@ -133,11 +144,14 @@ def _over(
 
 
 def _raise(
-    points: FloatArray, faces: IntArray, hosts: IntArray, height: float, threads: int | None
+    points: FloatArray,
+    faces: IntArray,
+    tree: TriangleTree,
+    height: float,
+    n: int,
+    threads: int | None,
 ) -> None:
-    """Raise the vertices of faces until all of these are at some height over others."""
-    tree = TriangleTree.build(points.copy(), hosts, threads=threads)
-    n = min(max(math.isqrt(2 * _PLACES // len(faces)), _FEWEST_STEPS), _MOST_STEPS)
+    """Raise vertices until their faces are at some height over a tree, at `n` steps of an edge."""
     steps = [(i, j) for i in range(n + 1) for j in range(n + 1 - i)]
     shares = np.array([(i, j, n - i - j) for i, j in steps]) / n
     ids = np.unique(faces)
