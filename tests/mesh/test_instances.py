@@ -7,11 +7,16 @@ from scipy.spatial.transform import Rotation
 from tests.glb import GltfFile, read_glb
 from texbake.errors import FileFormatError
 from texbake.jobs.lighten_options import LightenOptions
+from texbake.mesh import instances as instances_module
+from texbake.mesh.compose import excerpt
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.files import read_mesh
 from texbake.mesh.instances import instances
 from texbake.mesh.options import SimplifyOptions
+from texbake.mesh.part_sizes import simplified_once
+from texbake.mesh.repeated_parts import RepeatedParts
 from texbake.mesh.rig import read_rig
+from texbake.mesh.simplify import simplify_with_report
 from texbake.texture.image_files import encode_image
 from texbake.verbs.meshes import transform_file
 from texbake.verbs.simplify import simplify_file
@@ -132,6 +137,37 @@ def test_objects_that_only_resemble_each_other_are_no_instances(path):
     assert instances(mesh.replace(uvs=uvs), rig, ids) == [[0, 1, 2, 4, 5]]
 
 
+def test_each_object_is_compared_with_few_of_other_sizes(path, monkeypatch):
+    mesh, rig = read_mesh(path), read_rig(path)
+    n_compared = []
+    compare = instances_module._is_same
+    monkeypatch.setattr(
+        instances_module, "_is_same", lambda *each: n_compared.append(1) or compare(*each)
+    )
+    scales = 1.0 + 0.1 * (mesh.face_groups // 2)
+    positions = mesh.positions.copy()
+    positions[mesh.faces.ravel()] *= np.repeat(scales, 3)[:, None]
+    assert instances(mesh.replace(positions=positions), rig, np.zeros(mesh.n_faces, np.int32)) == []
+    assert not n_compared
+
+
+@pytest.mark.parametrize("n_asked", [1500, 10**5, 10**9])
+def test_no_more_triangles_are_asked_for_than_one_of_each_kind_has(path, n_asked):
+    repeated = RepeatedParts.instances(read_mesh(path), None, read_rig(path))
+    one_each = excerpt(repeated.mesh, repeated.is_first)
+    asked = []
+
+    def make(n):
+        asked.append(n)
+        return *simplify_with_report(one_each, n), None
+
+    low, report, _ = simplified_once(repeated, n_asked, make)
+    assert max(asked) <= one_each.n_faces
+    assert len(set(asked)) == len(asked)
+    assert report.n_faces == repeated.restored(low)[0].n_faces <= n_asked
+    assert report.n_faces >= min(0.97 * n_asked, repeated.mesh.n_faces)
+
+
 def instanced(file, folder):
     """Write a file whose one node shows three instances, far below a moved parent."""
     file.triangle(name="leaf")
@@ -172,3 +208,19 @@ def test_damaged_instances_are_an_error(tmp_path, rows):
     node["TRANSLATION"] = file.accessor(rows)
     with pytest.raises(FileFormatError, match="instances"):
         read_mesh(file.write(path))
+
+
+def test_few_bytes_cannot_ask_for_many_instances(tmp_path):
+    file = GltfFile()
+    instanced(file, tmp_path)
+    places = file.accessor(np.zeros((60_000, 3)))
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": places}}}
+    for n, is_bounded in ((1, False), (4, True)):
+        file.json["nodes"] = [{"mesh": 0, "extensions": extension}] * n
+        file.json["scenes"] = [{"nodes": list(range(n))}]
+        path = file.write(tmp_path / "leaves.glb")
+        if is_bounded:
+            with pytest.raises(FileFormatError, match="instances"):
+                read_mesh(path)
+        else:
+            assert read_mesh(path).n_faces == 60_000

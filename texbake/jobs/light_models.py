@@ -199,7 +199,9 @@ class Source:
                     simplified_with_materials, high, materials=source.materials,
                     quality=options.quality, threads=threads, progress=self.progress,
                 )  # fmt: skip
-                once = make if repeated is None else partial(simplified_once, repeated, make=make)
+                once = make
+                if repeated is not None:
+                    once = partial(simplified_once, repeated, make=make, threads=threads)
                 low, report, materials = once(n_faces)
                 warnings += (*report.notes, *layout_notes(low, high, threads=threads))
                 if rule.choice == "auto" and low.normals is None:

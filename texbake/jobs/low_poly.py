@@ -144,7 +144,9 @@ class LowPolyMaker:
 
     def _simplify_high(self) -> LowPoly:
         if self.repeated is not None and self.n_faces is not None:
-            mesh, report, _ = simplified_once(self.repeated, self.n_faces, self._once)
+            mesh, report, _ = simplified_once(
+                self.repeated, self.n_faces, self._once, threads=self.threads
+            )
             return reaching(mesh, report)
         if not self.by_parts:
             return self._simplify(self.high, self.quality)

@@ -6,6 +6,7 @@ that joints or morph targets bend are not compared.
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right, insort
 from collections.abc import Sequence
 
 import numpy as np
@@ -44,7 +45,9 @@ def _kinds(
     mesh: Mesh, rig: Rig, ids: IntArray, candidates: Sequence[tuple[int, IndexArray]]
 ) -> list[list[int]]:
     """Return the kinds among objects with equally many faces, each given by its faces."""
-    kinds: dict[bytes, list[tuple[FloatArray, list[int]]]] = {}
+    kinds: list[tuple[FloatArray, list[int]]] = []
+    # Of each kind of those that look alike: the sum of its coordinates, by which it is found.
+    sums: dict[bytes, list[tuple[float, int]]] = {}
     for number, faces in candidates:
         item = rig.objects[number]
         to_node = inverse(item.matrix)
@@ -58,17 +61,26 @@ def _kinds(
         exact += [each.uvs[each.faces[faces][:, turn]] for each in mesh.uv_sets.values()]
         if mesh.colors is not None:
             exact.append(mesh.colors[rows])
-        alike = kinds.setdefault(b"".join(each.tobytes() for each in exact), [])
+        alike = sums.setdefault(b"".join(each.tobytes() for each in exact), [])
         placed = _placed(mesh, faces, to_node, turn)
-        for known, others in alike:
-            limits = np.ones(known.shape[1])
-            limits[:3] = np.abs(known[:, :3]).max()
-            if (np.abs(known - placed).max(axis=0) <= _ROUNDING * limits).all():
-                others.append(number)
+        sizes = np.abs(placed[:, :3])
+        total, slack = float(sizes.sum()), 2.0 * _ROUNDING * sizes.size * float(sizes.max())
+        start = bisect_left(alike, (total - slack, 0))
+        near = alike[start : bisect_right(alike, (total + slack, len(kinds)))]
+        for kind in sorted(kind for _, kind in near):
+            if _is_same(kinds[kind][0], placed):
+                kinds[kind][1].append(number)
                 break
         else:
-            alike.append((placed, [number]))
-    return [numbers for alike in kinds.values() for _, numbers in alike]
+            insort(alike, (total, len(kinds)))
+            kinds.append((placed, [number]))
+    return [numbers for _, numbers in kinds]
+
+
+def _is_same(known: FloatArray, placed: FloatArray) -> bool:
+    limits = np.ones(known.shape[1])
+    limits[:3] = np.abs(known[:, :3]).max()
+    return bool((np.abs(known - placed).max(axis=0) <= _ROUNDING * limits).all())
 
 
 def _placed(mesh: Mesh, faces: IndexArray, to_node: FloatArray, turn: slice) -> FloatArray:

@@ -75,17 +75,23 @@ class EnlargedParts:
 
 
 def simplified_once(
-    repeated: RepeatedParts, n_faces: int, make: Callable[[int], tuple[Mesh, SimplifyReport, _More]]
+    repeated: RepeatedParts,
+    n_faces: int,
+    make: Callable[[int], tuple[Mesh, SimplifyReport, _More]],
+    *,
+    threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport, _More]:
     """Simplify one part of each kind, so that all copies together have `n_faces` faces.
 
     `make` simplifies the parts in `repeated.is_first` to a number of faces. The report is of all
     copies.
     """
-    n, best = n_faces * int(repeated.is_first.sum()) // repeated.mesh.n_faces, None
-    before = 0, 0
+    most, best = int(repeated.is_first.sum()), None
+    n, before = n_faces * most // repeated.mesh.n_faces, (0, 0)
     for _ in range(_MOST_TRIES):
-        n = max(n, MIN_FACES)
+        n = max(min(n, most), MIN_FACES)
+        if n == before[0]:
+            break
         low, report, more = make(n)
         groups = np.zeros(1, np.int32) if low.face_groups is None else low.face_groups
         placed = int(repeated.counts[groups].sum())
@@ -100,7 +106,7 @@ def simplified_once(
     _, low, report, more = best
     whole, _ = repeated.restored(low)
     report = replace(report, n_vertices=whole.n_vertices)
-    return low, measured_to(report, repeated.mesh, whole), more
+    return low, measured_to(report, repeated.mesh, whole, threads=threads), more
 
 
 def _scales(steps: Int64Array) -> FloatArray:

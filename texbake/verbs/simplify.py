@@ -236,7 +236,7 @@ def _level(
     if repeated is None or count is None:
         low, figures, of_low = simplified(count)
     else:
-        low, figures, of_low = simplified_once(repeated, count, simplified)
+        low, figures, of_low = simplified_once(repeated, count, simplified, threads=threads)
     if options.error is None and options.seams != "keep":
         if options.topology == "simplify" and count is not None and not figures.is_whole:
             wrap, *_ = next(wraps(high, count, has_tunnels=True, threads=threads))

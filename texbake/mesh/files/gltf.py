@@ -46,6 +46,7 @@ from texbake.mesh.rig import moving_ancestors, rotation_matrices
 from texbake.records import dataclass
 
 _PLACES = {"TRANSLATION": ("translation", 3), "ROTATION": ("rotation", 4), "SCALE": ("scale", 3)}
+_MANY_INSTANCES = 100_000  # that any file may have; they take about 1 kB of memory each
 _POINTS_AND_LINES = range(4)  # modes of primitives
 _MOVES = ("translation", "rotation", "scale")
 MAX_TRIANGLES = 20_000_000
@@ -282,6 +283,8 @@ def scene_nodes(document: Document) -> SceneNodes:
     numbers: list[int] = []
     parents: list[int] = []
     levels: list[int] = []
+    # Nodes can share the accessors of instances, where one takes 12 bytes: three or so may.
+    most, n_copies = max(_MANY_INSTANCES, document.n_bytes // 4), 0
     pending = [(root, -1, 0) for root in reversed(_roots(document, nodes))]
     seen = bytearray(len(nodes))
     while pending:
@@ -295,12 +298,13 @@ def scene_nodes(document: Document) -> SceneNodes:
         if "children" in node:
             children = indices(document, node, "children")
             pending += [(child, len(found), level + 1) for child in reversed(children)]
-        place, copies = len(found), _instances(document, node)
+        place, copies = len(found), _instances(document, node, most - n_copies)
         if copies is None:
             found.append(node)
             copies = []
         else:
             found += [{key: node[key] for key in node if key != "mesh"}, *copies]
+            n_copies += len(copies)
         # Instances have no number in the file.
         numbers += [index, *range(len(nodes) + place, len(nodes) + place + len(copies))]
         parents += [parent] + [place] * len(copies)
@@ -310,7 +314,7 @@ def scene_nodes(document: Document) -> SceneNodes:
     )
 
 
-def _instances(document: Document, node: dict[str, Any]) -> list[dict[str, Any]] | None:
+def _instances(document: Document, node: dict[str, Any], most: int) -> list[dict[str, Any]] | None:
     """Nodes of the copies of a mesh, to stand below a node; None if it shows its mesh itself."""
     copying = document.mapping(document.mapping(node, "extensions"), INSTANCING)
     accessors = document.mapping(copying, "attributes")
@@ -324,6 +328,8 @@ def _instances(document: Document, node: dict[str, Any]) -> list[dict[str, Any]]
                 document.fail(f"{attribute} of instances does not have {width} finite numbers each")
     if len({len(rows) for rows in columns.values()}) > 1:
         document.fail("attributes of instances differ in their counts")
+    if len(rows) > most:
+        document.fail("its nodes repeat its instances too often")
     lists = {field: rows.tolist() for field, rows in columns.items()}
     own: dict[str, Any] = {key: node[key] for key in ("name", "mesh", "weights") if key in node}
     return [
