@@ -126,7 +126,7 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     grid = UnitGrid.around(mesh)
     before, source = grid.to_grid(low.positions), grid.to_grid(mesh.positions)
     # Neither the winding of faces nor copies of them change what is sampled.
-    order = np.argsort(low.faces, axis=1)
+    order = np.argsort(low.faces, axis=1, kind="stable")
     faces = np.take_along_axis(low.faces, order, axis=1)
     signs = np.where((order[:, 1] - order[:, 0]) % 3 == 1, 1.0, -1.0)
     of_source = np.sort(weld_rows(source, threads=threads)[mesh.faces], axis=1)
