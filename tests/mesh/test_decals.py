@@ -9,8 +9,9 @@ from texbake.mesh.decals import decals_raised
 from texbake.mesh.distance import sample_points
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.options import QUALITIES
+from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.shapes import icosphere
-from texbake.mesh.simplify import simplify
+from texbake.mesh.simplify import simplify_with_report
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import TriangleTree
 
@@ -26,9 +27,15 @@ def labeled_ball(height):
 
 @pytest.mark.parametrize("quality", QUALITIES)
 @pytest.mark.parametrize("height", [0.001, 0.003, 0.01])
-def test_labels_stay_above_a_ball(height, quality):
+@pytest.mark.parametrize("are_enlarged", [False, True])
+def test_labels_stay_above_a_ball(height, quality, are_enlarged):
     mesh = labeled_ball(height)
-    low = simplify(mesh, mesh.n_faces // 40, quality=quality)
+    enlarged = EnlargedParts.of(mesh)
+    assert enlarged.mesh is not mesh
+    source = enlarged.mesh if are_enlarged else mesh
+    low, report = simplify_with_report(source, mesh.n_faces // 40, quality=quality)
+    if are_enlarged:
+        low, _ = enlarged.restored(low, report)
     parts, n_parts = face_components(low.faces, low.n_vertices)
     assert n_parts == 3
     ball = parts == np.argmax(np.bincount(parts))

@@ -42,7 +42,7 @@ from texbake.rendering.compare_models import ModelComparison, compare_models, de
 from texbake.rendering.options import RenderOptions
 from texbake.texture.model_materials import model_materials
 
-# Parts of a model, each drawn by itself: 12 views of as many take about ten seconds.
+# Parts of a model, each drawn by itself: 12 large views of as many take about ten seconds.
 _MOST_PARTS = 1000
 _PAGE_PX = 512  # sides of the pictures of a page
 _NOT_COMPARED = (

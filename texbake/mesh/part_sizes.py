@@ -16,6 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.mesh.decals import decals_raised
 from texbake.mesh.distance import REPORTED_SAMPLES, surface_distance
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
@@ -68,7 +69,7 @@ class EnlargedParts:
         steps = np.rint(moved[:, 0] / self.width)
         moved[:, 0] -= steps * self.width
         moved = moved / _scales(steps.astype(np.int64)) + self.center
-        low = low.replace(positions=moved)
+        low = decals_raised(self.source, low.replace(positions=moved), threads)
         distance = surface_distance(self.source, low, n_samples=REPORTED_SAMPLES, threads=threads)
         notes = tuple(note for note in report.notes if note not in report.distance.notes)
         return low, replace(report, distance=distance, notes=(*notes, *distance.notes))
