@@ -30,8 +30,8 @@ _LOOKED_AT = 1000
 _LEAST_MATCHED = 0.5
 # Least share of faces with an image where faces without one would break up charts.
 _WELL_MATCHED = 0.97
-# Width of the band in which the border of the sides moves: two rings of faces, of which none is
-# longer than this, in diagonals, as those of mechanical parts are.
+# Width of the band in which the border of the sides moves, in rings of faces per edge: 0 stands for
+# two rings. Longer faces, in diagonals, stay on their sides, as those of mechanical parts do.
 _BAND_WIDTH, _SHORT = 0.0, 0.05
 _ROUNDS = 2  # of moving the plane halfway between vertices and their images
 
