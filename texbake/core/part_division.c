@@ -85,32 +85,46 @@ void find_polygons(const struct cutting *cutting, const struct part *part, int32
     reset_arena(cutting->arena, mark);
 }
 
+/* Label the connected faces of equal keys; return how many labels there are. */
+static int32_t label_connected(const struct part *part, const int32_t *keys, int32_t *labels)
+{
+    for (int32_t face = 0; face < part->n_faces; face++)
+        labels[face] = face;
+    for (int32_t edge = 0; edge < 3 * part->n_faces; edge++) {
+        const int32_t across = part->opposite[edge];
+        if (across >= 0 && keys[across / 3] == keys[edge / 3])
+            join_labels(labels, edge / 3, across / 3);
+    }
+    return number_labels(labels, part->n_faces);
+}
+
 /* Give the faces of a polygon the label of the first, as long as that leaves a division; return how
    many labels there are. Pieces that are no longer connected get labels of their own. */
 static int32_t keep_polygons(
     const struct cutting *cutting, const struct part *part, int32_t *labels, int32_t n_labels)
 {
     int32_t *firsts = TAKE(cutting->arena, int32_t, part->n_faces);
+    int32_t *keys = TAKE(cutting->arena, int32_t, part->n_faces);
     int32_t *pieces = TAKE(cutting->arena, int32_t, part->n_faces);
+    int32_t *sizes = TAKE_ZEROS(cutting->arena, int32_t, part->n_faces), largest = 0;
     find_polygons(cutting, part, firsts);
     bool is_cut = false;
     for (int32_t face = 0; face < part->n_faces; face++) {
-        pieces[face] = face;
-        is_cut |= labels[face] != labels[firsts[face]];
+        keys[face] = labels[firsts[face]];
+        is_cut |= labels[face] != keys[face];
+        largest = ++sizes[firsts[face]] > sizes[largest] ? firsts[face] : largest;
     }
     if (!is_cut)
         return n_labels;
-    for (int32_t edge = 0; edge < 3 * part->n_faces; edge++) {
-        const int32_t across = part->opposite[edge];
-        if (across >= 0 && labels[firsts[across / 3]] == labels[firsts[edge / 3]])
-            join_labels(pieces, edge / 3, across / 3);
+    /* A polygon of protected faces may be most of a part, and is then divided from the rest. */
+    const bool is_most = 2 * (int64_t)sizes[largest] > part->n_faces;
+    int32_t n_pieces = label_connected(part, keys, pieces);
+    if (n_pieces < 2 && is_most) {
+        for (int32_t face = 0; face < part->n_faces; face++)
+            keys[face] = firsts[face] == largest;
+        n_pieces = label_connected(part, keys, pieces);
     }
-    const int32_t n_pieces = number_labels(pieces, part->n_faces);
-    /* A polygon of protected faces may be most of a part. */
-    const int64_t largest =
-        largest_label(cutting->arena, part->n_faces, firsts, (int32_t)part->n_faces);
-    if (!is_division(cutting->arena, part, pieces, n_pieces)
-        && (n_pieces < 2 || 2 * largest <= part->n_faces))
+    if (!is_division(cutting->arena, part, pieces, n_pieces) && (n_pieces < 2 || !is_most))
         return n_labels;
     memcpy(labels, pieces, (size_t)part->n_faces * sizeof *labels);
     return n_pieces;
