@@ -21,8 +21,8 @@
 #include "numbers.h"
 
 /* Dividing helps if it leaves less than `HELP` of the stretch above 1: on a smooth surface about a
-   quarter is left, on noise nearly all. Where it does not help on a noisy surface, a
-   stretch of `MOST_NOISE` is accepted. */
+   quarter is left, on noise nearly all. Where it does not help on a noisy surface, a stretch of
+   `MOST_NOISE` is accepted. */
 static const double HELP = 0.9;
 static const double MOST_NOISE = 1.25;
 

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.mesh.distance import area_vectors, unit_normals
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
@@ -139,7 +140,7 @@ def _over(
     distances, ids, shares = tree.closest_points(places, threads=threads)
     corners = tree.faces[ids]
     normals = unit_normals(tree.positions, corners)
-    below = (tree.positions[corners] * shares[..., None]).sum(axis=1)
+    below = pm.vecmat(shares, tree.positions[corners])
     return distances, ((places - below) * normals).sum(axis=1), normals
 
 

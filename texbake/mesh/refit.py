@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from texbake.core import core
+from texbake.core import core, portable_math as pm
 from texbake.mesh.distance import area_vectors, samples_allowed, spread_samples
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
@@ -81,7 +81,7 @@ class _Fit:
         on_source, shares = spread_samples(source, of_source, n, 0, threads)
         used = np.unique(of_source)
         used = used[np.arange(min(n, len(used))) * len(used) // min(n, len(used))]
-        self.own = np.concatenate([_places(source, of_source[on_source], shares), source[used]])
+        self.own = np.concatenate([pm.vecmat(shares, source[of_source[on_source]]), source[used]])
 
     def samples(self, points: FloatArray) -> _Samples:
         """Sample both surfaces, with the vertices of one at some points."""
@@ -91,9 +91,9 @@ class _Fit:
         on_faces, of_faces = spread_samples(points, faces, n, 0, self.threads)
         corners = np.concatenate([faces[on_faces], self.on_points])
         of_corners = np.concatenate([of_faces, self.of_points])
-        places = _places(points, corners, of_corners)
+        places = pm.vecmat(of_corners, points[corners])
         there, on_source, of_source = self.tree.closest_points(places, threads=self.threads)
-        closest = _places(self.tree.positions, self.tree.faces[on_source], of_source)
+        closest = pm.vecmat(of_source, self.tree.positions[self.tree.faces[on_source]])
         weights = np.full(len(self.own) + len(places), _POINT_WEIGHT)
         weights[:n] = weights[len(self.own) : len(self.own) + n] = 1.0 + _POINT_WEIGHT
         distances = np.concatenate([to_here, there])
@@ -160,11 +160,6 @@ def _vertices_of_hard_edges(mesh: Mesh) -> IndexArray:
         return np.empty(0, dtype=np.intp)
     pairs = np.unique(np.stack([mesh.faces.ravel(), mesh.normal_faces.ravel()], axis=1), axis=0)
     return np.flatnonzero(np.bincount(pairs[:, 0], minlength=mesh.n_vertices) > 1)
-
-
-def _places(points: FloatArray, corners: IntArray, shares: FloatArray) -> FloatArray:
-    """(n, 3) points at the shares of some corners, both (n, 3)."""
-    return np.asarray(sum(shares[:, i, None] * points[corners[:, i]] for i in range(3)))
 
 
 def _normals(points: FloatArray, faces: IntArray, signs: FloatArray) -> FloatArray:
