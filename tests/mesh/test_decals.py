@@ -17,7 +17,7 @@ from texbake.mesh.triangle_tree import TriangleTree
 
 
 def labeled_ball(height):
-    """A ball with two round labels at a height over it."""
+    """A ball with two round labels at a height over it, or inside where that is negative."""
     ball, sheet = icosphere(5), icosphere(5)
     middles = sheet.positions[sheet.faces].mean(axis=1)
     labels = [excerpt(sheet, middles @ axis > 0.85) for axis in ([1.0, 0.0, 0.0], [0.0, -0.6, 0.8])]
@@ -26,9 +26,9 @@ def labeled_ball(height):
 
 
 @pytest.mark.parametrize("quality", QUALITIES)
-@pytest.mark.parametrize("height", [0.001, 0.003, 0.01])
+@pytest.mark.parametrize("height", [0.001, 0.003, 0.01, -0.003])
 @pytest.mark.parametrize("are_enlarged", [False, True])
-def test_labels_stay_above_a_ball(height, quality, are_enlarged):
+def test_labels_stay_on_their_side_of_a_ball(height, quality, are_enlarged):
     mesh = labeled_ball(height)
     enlarged = EnlargedParts.of(mesh)
     assert enlarged.mesh is not mesh
@@ -44,7 +44,7 @@ def test_labels_stay_above_a_ball(height, quality, are_enlarged):
     distances, ids, shares = tree.closest_points(places)
     below = (low.positions[low.faces[ball][ids]] * shares[..., None]).sum(axis=1)
     heights = np.sign(((places - below) * below).sum(axis=1))
-    heights = heights * distances
+    heights = np.sign(height) * heights * distances
     assert (heights > -1e-9).mean() > 0.999
     assert heights.min() > -1e-3
     assert np.linalg.norm(low.positions, axis=1).max() < 1.0 + height + 0.1

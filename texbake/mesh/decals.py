@@ -21,7 +21,8 @@ from texbake.mesh.topology import face_components, find_edges
 from texbake.mesh.triangle_tree import TriangleTree
 
 # A sheet has at most this share of the area of what it lies on, and lies this close to it, as a
-# share of its own size. Its normals are those of the surface to this cosine, as is the way down.
+# share of its own size. Its normals are those of the surface to this cosine, or their opposites, as
+# is the way down.
 _LARGEST, _CLOSE, _LEAST_COSINE = 0.5, 0.05, 0.9
 # Parts that may have sheets on them, by area: those above the largest part divided by each.
 _HOSTS = (1.0, 8.0, 64.0, 512.0)
@@ -72,7 +73,10 @@ class _Parts:
         return np.bincount(self.numbers, at_edge[self.welded].any(axis=1), self.n) > 0
 
     def sheets(self) -> FloatArray:
-        """(n,) least height of each part over a larger one that it lies on; NaN for others."""
+        """(n,) least height of each part over a larger one that it lies on; NaN for others.
+
+        Negative for sheets on the back of what they lie on.
+        """
         found = np.full(self.n, np.nan)
         for share in _HOSTS:
             limit = self.areas.max() / share
@@ -84,9 +88,11 @@ class _Parts:
             of_faces = self.numbers[rows]
             heights, lies = self._heights(self.faces[rows], hosts, _CLOSE * self.sizes[of_faces])
             is_sheet = wanted & (np.bincount(of_faces, ~lies, self.n) == 0)
-            least = np.full(self.n, np.inf)
-            np.minimum.at(least, of_faces, heights)
-            found[is_sheet] = least[is_sheet]
+            for side in (1.0, -1.0):
+                least = np.full(self.n, np.inf)
+                np.minimum.at(least, of_faces, side * heights)
+                is_there = is_sheet & (least >= 0.0)
+                found[is_there] = side * least[is_there]
         return found
 
     def _heights(
@@ -97,8 +103,8 @@ class _Parts:
         middles = self.points[faces].mean(axis=1)
         distances, heights, normals = _over(tree, middles, self.threads)
         alike = (unit_normals(self.points, faces) * normals).sum(axis=1)
-        is_over = heights >= _LEAST_COSINE * distances
-        return heights, is_over & (alike >= _LEAST_COSINE) & (distances <= close)
+        is_over = np.abs(heights) >= _LEAST_COSINE * distances
+        return heights, is_over & (np.abs(alike) >= _LEAST_COSINE) & (distances <= close)
 
 
 def decals_raised(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
@@ -152,17 +158,21 @@ def _raise(
     n: int,
     threads: int | None,
 ) -> None:
-    """Raise vertices until their faces are at some height over a tree, at `n` steps of an edge."""
+    """Raise vertices until their faces are at some height over a tree, at `n` steps of an edge.
+
+    A negative height lies on the back.
+    """
+    side = -1.0 if height < 0.0 else 1.0
     steps = [(i, j) for i in range(n + 1) for j in range(n + 1 - i)]
     shares = np.array([(i, j, n - i - j) for i, j in steps]) / n
     ids = np.unique(faces)
     for _ in range(_ROUNDS):
         places = (points[faces][:, None] * shares[:, :, None]).sum(axis=2)
         _, heights, _ = _over(tree, places.reshape(-1, 3), threads)
-        missing = height - heights.reshape(len(faces), -1).min(axis=1)
+        missing = side * height - (side * heights).reshape(len(faces), -1).min(axis=1)
         if missing.max() <= 0.0:
             break
         steps_up = np.zeros(len(points))
         np.maximum.at(steps_up, faces, missing[:, None])
         _, _, normals = _over(tree, points[ids], threads)
-        points[ids] += steps_up[ids, None] * normals
+        points[ids] += side * steps_up[ids, None] * normals
