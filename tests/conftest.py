@@ -15,6 +15,12 @@ from tests.models import HAS_REAL, REAL
 # The same examples in every run. None is too slow: machines are busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
+# Nor do they depend on what else is collected: no numbers in the code of tests become examples,
+# which would also take seconds to find.
+with suppress(ImportError):
+    from hypothesis.internal.conjecture import providers
+
+    providers._get_local_constants = lambda: providers._local_constants
 
 # A process that was started in the background, or by nohup, ignores signals, and so would all that
 # it starts.

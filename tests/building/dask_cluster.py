@@ -91,6 +91,10 @@ class Cluster:
             env={**os.environ, "STEPS_MADE": str(self.folder / "steps_made")},
         )
 
+    def forget(self):
+        """Log from the start again."""
+        (self.folder / "steps_made").unlink(missing_ok=True)
+
     def ask(self, question):
         from distributed import Client
 

@@ -44,6 +44,21 @@ def cluster(tmp_path):
         yield made
 
 
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    made = Cluster(tmp_path_factory.mktemp("whole") / "dask")
+    made.wait(2)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def standing(whole):
+    """A cluster that tests share which leave it as it is."""
+    whole.forget()
+    return whole
+
+
 ASSETS = "".join(
     f'[[assets]]\nname = "{number}"\noptions.high.radius = {1 + number}\n' for number in range(6)
 )
@@ -106,28 +121,28 @@ def test_a_scheduler_that_is_not_there(write, monkeypatch, mute):
         build(write(), BuildOptions(scheduler="tcp://127.0.0.1:9", jobs=2))
 
 
-def test_workers_that_are_not_fit(write, tmp_path, cluster):
+def test_workers_that_are_not_fit(write, tmp_path, standing):
     path = write(ASSETS)
-    options = BuildOptions(scheduler=cluster.address, folder=tmp_path / "there")
+    options = BuildOptions(scheduler=standing.address, folder=tmp_path / "there")
     for preload, fault in (
         (OTHER_VERSION, r"has texbake 0\.0\.1, this is .*; install the same there"),
         (WITHOUT_TEXBAKE, "cannot load texbake .*; install .* there"),
         (OTHER_FOLDERS, "does not see the store, .*; share this folder with it"),
     ):
-        worker = cluster.add_worker(preload)
-        cluster.wait(3)
+        worker = standing.add_worker(preload)
+        standing.wait(3)
         with pytest.raises(FileError, match=f"the worker tcp://.* {fault}"):
             build(path, options)
-        cluster.end(worker)
-    assert not cluster.steps_made
+        standing.end(worker)
+    assert not standing.steps_made
 
 
-def test_two_builds_at_one_store_share_their_steps(write, tmp_path, cluster, contents):
+def test_two_builds_at_one_store_share_their_steps(write, tmp_path, standing, contents):
     path = write(ASSETS, head=f'store = "{(tmp_path / "store").as_posix()}"\n')
     results = []
 
     def one(name):
-        options = BuildOptions(scheduler=cluster.address, folder=tmp_path / name)
+        options = BuildOptions(scheduler=standing.address, folder=tmp_path / name)
         results.append(build(path, options).ok)
 
     threads = [threading.Thread(target=one, args=(name,)) for name in "ab"]
@@ -136,7 +151,7 @@ def test_two_builds_at_one_store_share_their_steps(write, tmp_path, cluster, con
     for thread in threads:
         thread.join()
     assert results == [True, True]
-    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
+    assert set(standing.steps_made.values()) == {1} and len(standing.steps_made) == 18
     assert contents(tmp_path / "a") == contents(tmp_path / "b")
 
 
@@ -249,26 +264,26 @@ def test_a_step_that_ends_its_workers(write, tmp_path, monkeypatch):
     assert len(cluster.steps_made) == 17
 
 
-def test_an_interrupted_build_leaves_no_tasks(write, cluster):
+def test_an_interrupted_build_leaves_no_tasks(write, standing):
     path = write(ASSETS)
     code = "from texbake_cli import run; run()"
     client = subprocess.Popen(
-        [sys.executable, "-P", "-c", code, "build", str(path), "--scheduler", cluster.address],
+        [sys.executable, "-P", "-c", code, "build", str(path), "--scheduler", standing.address],
         stderr=subprocess.PIPE,
         text=True,
     )
-    wait_for(lambda: cluster.steps_made)
+    wait_for(lambda: standing.steps_made)
     client.send_signal(signal.SIGINT)
     said = client.communicate(timeout=30)[1].splitlines()
     assert client.returncode == 128 + signal.SIGINT and len(said) == 1
-    cluster.ask(
+    standing.ask(
         lambda asked: wait_for(
             lambda: asked.run_on_scheduler(lambda dask_scheduler: not dask_scheduler.tasks)
         )
     )
-    n_made = len(cluster.steps_made)
+    n_made = len(standing.steps_made)
     time.sleep(0.3)
     # A step that was running is made to its end; no other one is begun.
-    assert len(cluster.steps_made) <= n_made + 2 and n_made < 18
-    assert build(path, BuildOptions(scheduler=cluster.address)).ok
-    assert set(cluster.steps_made.values()) == {1} and len(cluster.steps_made) == 18
+    assert len(standing.steps_made) <= n_made + 2 and n_made < 18
+    assert build(path, BuildOptions(scheduler=standing.address)).ok
+    assert set(standing.steps_made.values()) == {1} and len(standing.steps_made) == 18

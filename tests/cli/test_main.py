@@ -6,10 +6,12 @@ import re
 import shlex
 import signal
 import subprocess
+from pathlib import Path
 
 import click
 import numpy as np
 import pytest
+from click.shell_completion import BashComplete
 from click.testing import CliRunner
 from texbake_cli.main import COMMANDS, texbake
 from texbake_cli.messages import failures_as_one_line
@@ -134,17 +136,20 @@ def test_the_reader_of_a_pipe_may_leave(script):
     ("texbake bake-texture a --camera sc", {"scan.ply", "scan.txt", "scans/"}),
     ("texbake bake-normals a b --space ", {"tangent", "object", "world"}),
 ])  # fmt: skip
-def test_the_shell_completes(script, tmp_path, words, expected):
-    (tmp_path / "scan.ply").touch()
-    (tmp_path / "scan.txt").touch()
-    (tmp_path / "scans").mkdir()
+def test_the_shell_completes(script, tmp_path, monkeypatch, words, expected):
+    monkeypatch.chdir(tmp_path)
+    for name in "scan.ply", "scan.txt":
+        Path(name).touch()
+    Path("scans").mkdir()
+    _, *before, start = words.split(" ")
+    shell = BashComplete(texbake, {}, "texbake", "_TEXBAKE_COMPLETE")
+    assert {item.value for item in shell.get_completions(before, start)} == expected
+    if before:
+        return
     environment = {
-        **os.environ, "_TEXBAKE_COMPLETE": "bash_complete", "COMP_WORDS": words,
-        "COMP_CWORD": str(len(words.split(" ")) - 1),
+        **os.environ, "_TEXBAKE_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": "1",
     }  # fmt: skip
-    done = subprocess.run(
-        [script], capture_output=True, text=True, env=environment, cwd=tmp_path, timeout=60
-    )
+    done = subprocess.run([script], capture_output=True, text=True, env=environment, timeout=60)
     assert {line.partition(",")[2] for line in done.stdout.splitlines()} == expected
 
 

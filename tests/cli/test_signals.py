@@ -75,8 +75,9 @@ end_cleanly_on_signals()
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signals")
 
 
-@pytest.mark.parametrize("hears", WORKS)
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT", "SIGHUP"])
+@pytest.mark.parametrize(("name", "hears"), [
+    *(("SIGTERM", hears) for hears in WORKS), ("SIGINT", "a finalizer"), ("SIGHUP", "nothing"),
+])  # fmt: skip
 def test_it_ends_and_leaves_only_the_older_files(name, hears, tmp_path):
     outputs, scratch = tmp_path / "outputs", tmp_path / "scratch"
     outputs.mkdir()

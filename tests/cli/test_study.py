@@ -12,7 +12,17 @@ from texbake.study.options import CASE_NAMES, KNOB_NAMES, PROGRAM_NAMES, TASK_NA
 
 
 def test_a_quick_study_of_two_knobs(tmp_path):
-    words = ["--quick", "--repeats", "1", "--knob", "noise", "--knob", "bump-gradient"]
+    words = [
+        "--quick",
+        "--repeats",
+        "1",
+        "--seconds",
+        "0",
+        "--knob",
+        "noise",
+        "--knob",
+        "bump-gradient",
+    ]
     done = CliRunner().invoke(study, [*words, "-o", tmp_path / "out"], catch_exceptions=False)
     assert done.exit_code == 0
     assert "pays up to" in done.output and "study.html" in done.output

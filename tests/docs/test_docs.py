@@ -124,12 +124,12 @@ def smaller(words):
     if line[0] == "demo" and "--triangles" not in line:
         line += ["--triangles", str(N_TRIANGLES), "--faces", "100"]
     if line[0] == "study" and "--knob" not in line:
-        line += ["--knob", "noise", "--repeats", "1"]
+        line += ["--knob", "noise", "--repeats", "1", "--seconds", "0"]
     if line[0] == "bench":
         task = ["--task", "simplify"] if "--task" not in line else []
         line += ["--quick", "--repeats", "1", "--program", "texbake", "--case", "sphere", *task]
-    if line[0] == "lighten" and "--faces" not in line:
-        line += ["--faces", "500"]
+    if line[0] == "lighten":
+        line += ["--faces", "500"] * ("--faces" not in line) + ["--views", "1"]
     return line
 
 
@@ -142,7 +142,8 @@ def kind_of(words):
 
 def needed_by(later, words):
     outputs = [words[i + 1] for i, word in enumerate(words[:-1]) if word == "-o"]
-    return any(word.startswith(tuple(outputs or [words[0]])) for line in later for word in line)
+    found = tuple(outputs or [words[0]])
+    return any(word.startswith(found) for line in later for word in line[2:])
 
 
 RAN: set[tuple[str, ...]] = set()  # kinds of lines, on any page

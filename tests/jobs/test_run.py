@@ -43,16 +43,22 @@ FILES = {
     "ball_compare.png", "ball_report.json",
 }  # fmt: skip
 OPTIONS = RunOptions(n_faces=200, size=256, padding=2, convention="directx", compare="full")
-# For what the maps and the pictures do not show.
+# For what the maps and the pictures do not show, and for texts alone.
 QUICK = replace(OPTIONS, size=64, compare="off")
+TEXTS = replace(QUICK, n_faces=100, quality="fast")
 
 
 @pytest.fixture(scope="module")
 def high():
-    """A ball of 20,480 triangles with waves all over."""
-    ball = icosphere(5)
+    """A ball of 5,120 triangles with waves all over."""
+    ball = icosphere(4)
     waves = np.sin(9.0 * ball.positions).prod(axis=1, keepdims=True)
     return ball.replace(positions=ball.positions * (1.0 + 0.03 * waves), name="ball.ply")
+
+
+@pytest.fixture(scope="module")
+def small():
+    return icosphere(2).replace(name="ball.ply")
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +174,7 @@ def test_an_impossible_folder_is_refused_before_the_work(high, tmp_path, monkeyp
 def test_a_mesh_that_faces_inwards_gives_the_same_asset_as_its_outside(high, tmp_path):
     inwards = turned_over(high, np.ones(high.n_faces, dtype=bool))
     result = run(inwards, tmp_path, QUICK)
-    assert result.warnings[0].startswith("ball.ply: flipped 20,480 triangles")
+    assert result.warnings[0].startswith("ball.ply: flipped 5,120 triangles")
     report = json.loads(result.files["report"].read_text())
     assert report["orientation"]["n_faces"] == high.n_faces
     np.testing.assert_array_equal(result.high.faces[:, ::-1], inwards.faces)
@@ -335,14 +341,14 @@ def test_occlusion_is_in_the_material_of_a_preset(high, tmp_path, preset):
     assert made.files["orm"].name in text and made.files["lod1_orm"].is_file()
 
 
-def test_levels_of_a_preset_have_import_files_of_their_own(high, tmp_path):
+def test_levels_of_a_preset_have_import_files_of_their_own(small, tmp_path):
     imports = {
         "unreal": ["import_ball_lod1.py"], "unity": ["Editor/ball_lod1Import.cs"],
         "godot": ["ball_lod1_normal.png.import", "ball_lod1_height.png.import"], "blender": [],
     }  # fmt: skip
     for preset, expected in imports.items():
         folder = tmp_path / preset
-        made = run(high, folder, replace(QUICK, preset=preset, levels=(40,)))
+        made = run(small, folder, replace(TEXTS, preset=preset, levels=(40,)))
         found = [path for key, path in made.files.items() if key.startswith("lod1_import")]
         assert found == [folder / name for name in expected]
         main = made.files.get("lod1_glb") or made.files["lod1_mesh"]
@@ -353,18 +359,18 @@ def test_levels_of_a_preset_have_import_files_of_their_own(high, tmp_path):
             assert {main.name, made.files["lod1_normal"].name} <= set(re.findall(r"[\w.]+", script))
 
 
-def test_the_script_for_unreal_makes_one_mesh_of_all_levels(high, tmp_path, monkeypatch):
+def test_the_script_for_unreal_makes_one_mesh_of_all_levels(small, tmp_path, monkeypatch):
     unreal = MagicMock(StaticMesh=MagicMock, Texture=MagicMock)
     unreal.AssetImportTask().get_editor_property.return_value = ["/Game/ball/asset"]
     monkeypatch.setitem(sys.modules, "unreal", unreal)
-    made = run(high, tmp_path, replace(QUICK, preset="unreal", levels=(80, 40)))
+    made = run(small, tmp_path, replace(TEXTS, preset="unreal", levels=(80, 40)))
     runpy.run_path(str(made.files["import"]))
     calls = unreal.get_editor_subsystem().set_lod_from_static_mesh.call_args_list
     assert [call.args[1] for call in calls] == [1, 2]
     assert "The script adds it" in made.files["settings"].read_text()
 
 
-def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(high, tmp_path):
+def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(small, tmp_path):
     words = {
         "unreal": ("turn Flip Green Channel on.", "(False, True, 'TC_NORMALMAP'"),
         "unity": ("Flip Green Channel on", "flipGreenChannel = true;"),
@@ -373,8 +379,8 @@ def test_programs_are_told_to_flip_a_green_channel_of_the_other_way(high, tmp_pa
     for preset, (setting, imported) in words.items():
         other = "directx" if PROGRAMS[preset].convention == "opengl" else "opengl"
         for convention in (other, PROGRAMS[preset].convention):
-            options = replace(QUICK, preset=preset, convention=convention)
-            made = run(high, tmp_path / preset / convention, options)
+            options = replace(TEXTS, preset=preset, convention=convention)
+            made = run(small, tmp_path / preset / convention, options)
             text = " ".join(made.files["settings"].read_text().split())
             script = " ".join(made.files["import"].read_text().split())
             assert (setting in text, imported in script) == (convention == other,) * 2, preset

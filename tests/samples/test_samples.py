@@ -2,8 +2,10 @@
 
 import csv
 import os
+import runpy
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +14,7 @@ from texbake_cli.main import texbake as command_line
 
 import texbake
 from tests.docs.test_docs import smaller
+from texbake.jobs import orange_turns
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 
@@ -49,7 +52,7 @@ def test_command_line(tmp_path, monkeypatch, small_pictures):
 
 def test_asset_folder(tmp_path):
     """The broken mesh fails by itself, and the exit code says that something did."""
-    run_sample("asset_folder.py", "--size", 128, folder=tmp_path, status=1)
+    run_sample("asset_folder.py", "--size", 64, folder=tmp_path, status=1)
     folder = tmp_path / "asset_folder_sample"
     with (folder / "assets.csv").open() as file:
         rows = {row["asset"]: row for row in csv.DictReader(file)}
@@ -65,15 +68,21 @@ def test_samples_are_listed_and_use_the_public_names(name):
     assert f"({name})" in (SAMPLES / "README.md").read_text()
 
 
-def test_orange_angles(tmp_path):
-    """It writes the plots, figures and pictures that are kept beside it."""
-    run_sample("orange_angles.py", tmp_path, folder=tmp_path)
+def test_orange_angles(tmp_path, monkeypatch):
+    """It writes plots, figures and pictures as those beside it, here of the angles it shows."""
+    angles = (0, 60)
+    measure = partial(orange_turns.measure_turns, angles)
+    monkeypatch.setattr(orange_turns, "measure_turns", measure)
+    monkeypatch.setattr(sys, "argv", ["orange_angles.py", str(tmp_path)])
+    runpy.run_path(str(SAMPLES / "orange_angles.py"), run_name="__main__")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"orange_angles.svg", "orange_angles.csv", "orange_angles.png"}
     ours, kept = (
         np.genfromtxt(folder / "orange_angles.csv", delimiter=",", skip_header=1)
         for folder in (tmp_path, SAMPLES)
     )
+    kept = kept[np.isin(kept[:, 1], angles)]
+    assert len(ours) == len(kept) == 2 * 2 * len(orange_turns.METHODS)
     np.testing.assert_allclose(ours, kept, rtol=1e-3)
 
 
