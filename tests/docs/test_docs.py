@@ -129,7 +129,8 @@ def smaller(words):
         task = ["--task", "simplify"] if "--task" not in line else []
         line += ["--quick", "--repeats", "1", "--program", "texbake", "--case", "sphere", *task]
     if line[0] == "lighten":
-        line += ["--faces", "500"] * ("--faces" not in line) + ["--views", "1"]
+        line += ["--faces", "500"] * ("--faces" not in line)
+        line += ["--views", "1"] * ("--min-psnr" not in line)
     return line
 
 

@@ -25,7 +25,6 @@ from texbake.study.study import run_study, write_study
 from texbake.study.truth.probes import angles_deg
 from texbake.study.truth.surfaces import texel_grid, wave_heights, wave_normals, wave_slopes
 
-
 ONCE = StudyOptions(quick=True, repeats=1, seconds=0.0)  # the run that is judged is timed as well
 
 
