@@ -59,22 +59,18 @@ def assert_same_bake(folder, name, options, n_chunks, monkeypatch):
     assert streamed.report.distance_percentiles == whole.report.distance_percentiles
 
 
-@pytest.mark.parametrize(("n_chunks", "threads"), [(2, 7), (7, 1)])
-def test_any_chunks_and_threads(folder, n_chunks, threads, monkeypatch):
-    options = BakeOptions(**{**vars(OPTIONS), "threads": threads})
-    assert_same_bake(folder, "high.ply", options, n_chunks, monkeypatch)
-
-
-@pytest.mark.parametrize(("name", "changes"), [
-    ("high.stl", {"maps": ("normal", "displacement")}),
-    ("normals.ply", {"maps": ("normal",)}),
-    ("high.ply", {"maps": ("normal",), "high_shading": "flat"}),
-    ("high.ply", {"maps": ("normal", "opacity"), "front": 0.001, "back": 0.001}),
-    ("high.ply", {"maps": ("displacement",), "cull_back_faces": False}),
+@pytest.mark.parametrize(("name", "n_chunks", "changes"), [
+    ("high.ply", 2, {"threads": 7}),
+    ("high.ply", 7, {"threads": 1}),
+    ("high.stl", 3, {"maps": ("normal", "displacement")}),
+    ("normals.ply", 3, {"maps": ("normal",)}),
+    ("high.ply", 3, {"maps": ("normal",), "high_shading": "flat"}),
+    ("high.ply", 3, {"maps": ("normal", "opacity"), "front": 0.001, "back": 0.001}),
+    ("high.ply", 3, {"maps": ("displacement",), "cull_back_faces": False}),
 ])  # fmt: skip
-def test_other_files_and_options(folder, name, changes, monkeypatch):
+def test_any_chunks_threads_files_and_options(folder, name, n_chunks, changes, monkeypatch):
     options = BakeOptions(**{**vars(OPTIONS), **changes})
-    assert_same_bake(folder, name, options, 3, monkeypatch)
+    assert_same_bake(folder, name, options, n_chunks, monkeypatch)
 
 
 def test_hits_are_made_into_maps_in_pieces(folder, monkeypatch):

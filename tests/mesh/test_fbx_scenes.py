@@ -148,19 +148,13 @@ def test_lights_that_gltf_does_not_have_are_named(tmp_path):
     assert read_rig(tmp_path / "a.fbx").passed_over == ("1 area or volume light",)
 
 
-def test_cameras_and_lights_of_models_without_size_are_named(tmp_path):
-    nodes = with_views(7400, {"Camera": CAMERA, "Light": LIGHT})
-    text = written(nodes, 7400, "ascii")
-    text = text.replace(b"2.0, 2.0, 2.0", b"0.0, 0.0, 0.0", 1)  # the model above both
-    (tmp_path / "a.fbx").write_bytes(text)
-    rig = read_rig(tmp_path / "a.fbx")
-    assert rig.passed_over == ("1 flattened camera", "1 flattened light")
-
-
-def test_cameras_of_viewports_are_no_part_of_the_scene(tmp_path):
-    nodes = with_views(7400, {"Camera": CAMERA, "Light": LIGHT})
-    text = written(nodes, 7400, "ascii").replace(b"eye", b"Producer Top")
-    (tmp_path / "a.fbx").write_bytes(text)
+def test_cameras_of_viewports_and_of_models_without_size_are_no_part_of_the_scene(tmp_path):
+    text = written(with_views(7400, {"Camera": CAMERA, "Light": LIGHT}), 7400, "ascii")
+    # The model above both.
+    (tmp_path / "a.fbx").write_bytes(text.replace(b"2.0, 2.0, 2.0", b"0.0, 0.0, 0.0", 1))
+    passed_over = read_rig(tmp_path / "a.fbx").passed_over
+    assert passed_over == ("1 flattened camera", "1 flattened light")
+    (tmp_path / "a.fbx").write_bytes(text.replace(b"eye", b"Producer Top"))
     assert "cameras" not in read_rig(tmp_path / "a.fbx").content
 
 

@@ -21,6 +21,14 @@ def written(tmp_path):
     return written
 
 
+def assert_one_line(message, shape, **source):
+    with pytest.raises(FileFormatError) as caught:
+        make(shape, **source)
+    (path,) = source.values()
+    assert str(caught.value).startswith(f"{path}: ")
+    assert message in str(caught.value) and "\n" not in str(caught.value)
+
+
 # ---- profiles
 
 
@@ -43,12 +51,7 @@ def test_profiles_are_read(written, text):
     (b"0 0\n\0\0 1", "it is not a profile; it holds binary data"),
 ])  # fmt: skip
 def test_wrong_profiles_are_one_clear_line(written, content, message):
-    path = written(content)
-    with pytest.raises(FileFormatError) as caught:
-        make("revolution", profile=path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert_one_line(message, "revolution", profile=written(content))
 
 
 @pytest.mark.parametrize(("profile", "message"), [
@@ -140,12 +143,7 @@ def without(text, number):
     ("999999999999\n" + alone(), "it has 32 points; 999,999,999,999 patches should have"),
 ])  # fmt: skip
 def test_a_hole_is_one_clear_line(written, content, message):
-    path = written(content)
-    with pytest.raises(FileFormatError) as caught:
-        make("bezier", patches=path)
-    assert str(caught.value).startswith(f"{path}: ")
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert_one_line(message, "bezier", patches=written(content))
 
 
 @pytest.mark.parametrize("layout", ["separate", "counted", "degrees", "shared"])

@@ -174,18 +174,17 @@ def pricked(mesh):
     return mesh.replace(faces=mesh.faces[kept])
 
 
-@pytest.mark.parametrize(("resolution", "close", "n_left"), [(96, 0.0, 22), (96, 0.15, 2)])
+@pytest.mark.parametrize(("resolution", "close", "n_left"), [
+    (96, 0.0, 22), (96, 0.15, 2), (48, 0.0, None),  # whose voxels are too wide for some holes
+])  # fmt: skip
 def test_only_holes_up_to_a_width_are_filled(resolution, close, n_left):
     mesh = pricked(heights(160, bumps, lambda x, y: x**2 + y**2 < 0.97))
     result, report = remesh_with_report(mesh, RemeshOptions(resolution=resolution, close=close))
-    assert report.n_boundaries == n_left and report.n_holes_filled == 22 - n_left
-    assert figures(result) == (1, 2 - n_left)
-
-
-def test_holes_that_are_too_narrow_for_the_voxels_are_counted():
-    mesh = pricked(heights(160, bumps, lambda x, y: x**2 + y**2 < 0.97))
-    _, report = remesh_with_report(mesh, RemeshOptions(resolution=48, close=0.0))
-    assert report.n_holes_filled == 22 - report.n_boundaries > 0
+    assert report.n_holes_filled == 22 - report.n_boundaries
+    if n_left is None:
+        assert report.n_holes_filled > 0
+    else:
+        assert report.n_boundaries == n_left and figures(result) == (1, 2 - n_left)
 
 
 def vase():

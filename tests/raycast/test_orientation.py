@@ -64,21 +64,16 @@ def test_what_faces_outwards_stays_and_what_is_inside_out_is_turned_over(name):
     assert f"flipped {right.n_faces:,} triangles" in report.notes[0]
 
 
-def test_one_of_several_parts_is_turned_over():
-    right = SOLIDS["three apart"]
-    chosen = np.arange(right.n_faces) // icosphere(3).n_faces == 1
+# One of several parts, and a part with the wall of its cavity.
+@pytest.mark.parametrize(("name", "parts"), [
+    ("three apart", [1]), ("two with cavities", [0, 1]), ("two with cavities", [2, 3]),
+])  # fmt: skip
+def test_parts_are_turned_over_with_the_walls_of_their_cavities(name, parts):
+    right = SOLIDS[name]
+    chosen = np.isin(np.arange(right.n_faces) // icosphere(3).n_faces, parts)
     mesh, report = oriented(turned_over(right, chosen), "auto")
     np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
-    assert (report.n_parts, report.n_faces) == (1, chosen.sum())
-
-
-@pytest.mark.parametrize("hollow", [(0, 1), (2, 3)])
-def test_the_wall_of_a_cavity_goes_with_what_is_around_it(hollow):
-    right = SOLIDS["two with cavities"]
-    chosen = np.isin(np.arange(right.n_faces) // icosphere(3).n_faces, hollow)
-    mesh, report = oriented(turned_over(right, chosen), "auto")
-    np.testing.assert_array_equal(cyclic(mesh.faces), cyclic(right.faces))
-    assert (report.n_parts, report.n_faces, report.n_unclear) == (2, chosen.sum(), 0)
+    assert (report.n_parts, report.n_faces, report.n_unclear) == (len(parts), chosen.sum(), 0)
 
 
 def test_open_shells_stay_where_that_is_asked_for():

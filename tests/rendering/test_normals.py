@@ -39,30 +39,24 @@ def test_normals_without_length_are_those_of_their_faces(wall):
     np.testing.assert_array_equal(found, np.broadcast_to([0, 0, 1], found.shape))
 
 
-@pytest.mark.parametrize("strength", [0.0, 0.5, 1.0, 2.0])
-def test_strength_scales_x_and_y_of_a_normal_map(wall, strength):
-    texel = np.array((0.36, 0.48, 0.8), np.float32)
-    image = ImageTexture(image=np.broadcast_to(texel, (2, 2, 3)).copy(), filter="bilinear")
-    found = kept(wall, Material(normal_map=NormalMap(texture=image, strength=strength)))
-    expected = texel * (strength, strength, 1.0)
-    expected /= np.linalg.norm(expected)
-    np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-6)
-
-
-@pytest.mark.parametrize(("scale", "rotate", "expected"), [
-    ((1.0, 1.0), 0.0, (0.36, 0.48, 0.8)),
-    ((3.0, 3.0), 0.0, (0.36, 0.48, 0.8)),
+@pytest.mark.parametrize(("scale", "rotate", "strength", "expected"), [
+    ((1.0, 1.0), 0.0, 1.0, (0.36, 0.48, 0.8)),
+    ((3.0, 3.0), 0.0, 1.0, (0.36, 0.48, 0.8)),
     # Coordinates turned counterclockwise turn the image, and its relief, clockwise.
-    ((1.0, 1.0), 90.0, (0.48, -0.36, 0.8)),
-    ((2.0, 2.0), 180.0, (-0.36, -0.48, 0.8)),
-    ((-1.0, 1.0), 0.0, (-0.36, 0.48, 0.8)),
+    ((1.0, 1.0), 90.0, 1.0, (0.48, -0.36, 0.8)),
+    ((2.0, 2.0), 180.0, 1.0, (-0.36, -0.48, 0.8)),
+    ((-1.0, 1.0), 0.0, 1.0, (-0.36, 0.48, 0.8)),
+    ((1.0, 1.0), 0.0, 0.0, (0.0, 0.0, 1.0)),
+    ((1.0, 1.0), 0.0, 0.5, (0.18, 0.24, 0.8)),
+    ((1.0, 1.0), 0.0, 2.0, (0.72, 0.96, 0.8)),
 ])  # fmt: skip
-def test_relief_turns_with_the_image(wall, scale, rotate, expected):
-    texel = np.array((0.36, 0.48, 0.8), np.float32)
-    image = ImageTexture(
-        image=np.broadcast_to(texel, (2, 2, 3)).copy(), scale=scale, rotate=rotate, wrap="repeat"
-    )
-    found = kept(wall, Material(normal_map=NormalMap(texture=image)))
+def test_relief_turns_with_the_image_and_its_strength_scales_x_and_y(
+    wall, scale, rotate, strength, expected
+):
+    texels = np.tile(np.array((0.36, 0.48, 0.8), np.float32), (2, 2, 1))
+    image = ImageTexture(image=texels, scale=scale, rotate=rotate, wrap="repeat")
+    found = kept(wall, Material(normal_map=NormalMap(texture=image, strength=strength)))
+    expected = np.array(expected) / np.linalg.norm(expected)
     np.testing.assert_allclose(found, np.broadcast_to(expected, found.shape), atol=1e-6)
 
 

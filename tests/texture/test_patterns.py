@@ -105,14 +105,6 @@ def test_a_face_between_two_layers_shows_one_of_them_whatever_rounding_does():
     assert evaluate("checker", points, np.tile([0.1, 0.1, 0.0], (5, 1)))[0, 0] == 0.0
 
 
-@pytest.mark.parametrize("width", [0.3, 1.0, 2.5])
-def test_blended_stripes_fade_with_the_mean_of_a_sine(width):
-    points = grid(3)
-    values = evaluate("stripes", points, np.full(400, width), parameters={"profile": "sine"})
-    expected = 0.5 + 0.5 * np.sin(2 * np.pi * points[:, 0]) * np.sinc(width)
-    np.testing.assert_allclose(values[:, 0], expected, atol=1e-6)
-
-
 SOLIDS = pytest.mark.parametrize("name", ["marble", "wood", "granite"])
 
 
@@ -131,14 +123,16 @@ def test_marble_is_the_formula(points):
     np.testing.assert_allclose(found, 0.5 + 0.5 * np.sin(phase), atol=2e-6)
 
 
-@pytest.mark.parametrize("width", [0.05, 0.3, 0.9])
-def test_layers_of_marble_fade_with_the_mean_of_a_sine(points, width):
-    parameters = {"amount": 0.0, "frequency": 2 * np.pi}
-    found = evaluate(
-        "marble", points, np.full(len(points), width), parameters=parameters, scalar=True
-    )
-    expected = 0.5 + 0.5 * np.sin(2 * np.pi * points[:, 0]) * np.sinc(width)
-    np.testing.assert_allclose(found[:, 0], expected, atol=1e-6)
+@pytest.mark.parametrize(("procedure", "parameters", "widths"), [
+    ("stripes", {"profile": "sine"}, (0.3, 1.0, 2.5)),
+    ("marble", {"amount": 0.0, "frequency": 2 * np.pi}, (0.05, 0.3, 0.9)),
+])  # fmt: skip
+def test_sines_fade_with_their_mean(points, procedure, parameters, widths):
+    for width in widths:
+        step = np.full(len(points), width)
+        found = evaluate(procedure, points, step, parameters=parameters, scalar=True)[:, 0]
+        expected = 0.5 + 0.5 * np.sin(2 * np.pi * points[:, 0]) * np.sinc(width)
+        np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 def test_turbulence_that_fades_takes_contrast_of_the_veins_with_it():

@@ -98,24 +98,14 @@ def test_description_comes_back(tmp_path, codes):
     assert is_png(tmp_path / "a.png")
 
 
-def test_a_file_cut_anywhere_is_an_error(tmp_path, codes):
+def test_a_file_cut_or_changed_anywhere_is_an_error(tmp_path, codes):
     write_png(tmp_path / "a.png", codes[:3, :5], description="text")
     data = (tmp_path / "a.png").read_bytes()
-    for length in range(len(data)):
-        (tmp_path / "cut.png").write_bytes(data[:length])
-        with pytest.raises(FileFormatError, match=r"cut\.png: "):
-            png_description(tmp_path / "cut.png")
-
-
-def test_any_changed_byte_is_an_error(tmp_path, codes):
-    write_png(tmp_path / "a.png", codes[:3, :5], description="text")
-    data = bytearray((tmp_path / "a.png").read_bytes())
     for at in range(len(data)):
-        data[at] ^= 0x55
-        (tmp_path / "bad.png").write_bytes(data)
-        data[at] ^= 0x55
-        with pytest.raises(FileFormatError):
-            png_description(tmp_path / "bad.png")
+        for bad in data[:at], data[:at] + bytes([data[at] ^ 0x55]) + data[at + 1 :]:
+            (tmp_path / "bad.png").write_bytes(bad)
+            with pytest.raises(FileFormatError, match=r"bad\.png: "):
+                png_description(tmp_path / "bad.png")
 
 
 def png_of(header, *more):
