@@ -87,12 +87,16 @@ def meshoptimizer():
     )
 
 
-@pytest.fixture
-def small_pictures(monkeypatch):
+def draw_small(patch):
     """Draw the pictures of comparisons and pages at a small size, in this process."""
     for name in (
         "jobs.options._PICTURE_SIZE",
         "rendering.compare_models._PICTURE_PX",
         "pages.asset_page._PICTURE_PX",
     ):
-        monkeypatch.setattr(f"texbake.{name}", 64)
+        patch.setattr(f"texbake.{name}", 64)
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    draw_small(monkeypatch)

@@ -17,6 +17,7 @@ from texbake.mesh.materials import ChannelSource, read_materials
 from texbake.mesh.shapes import plane
 from texbake.texture.png_files import png_parts
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
 RED = [0.5, 0.0, 0.0, 1.0]
 
 

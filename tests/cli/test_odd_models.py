@@ -25,7 +25,7 @@ every_command = pytest.mark.parametrize("command", COMMANDS)
 
 
 @pytest.fixture
-def answer(tmp_path):
+def answer(tmp_path, small_pictures):
     """What a command says of a model: its exit code and the lines on stderr."""
 
     def answer(command, path):

@@ -89,7 +89,7 @@ def test_run_reaches_the_count(mesh, n_faces):
     assert result.simplified.distance.rms == pytest.approx(apart.rms, rel=0.05)
 
 
-def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path):
+def test_a_porous_bone_keeps_its_look_at_any_count(tmp_path, small_pictures):
     options = RunOptions(n_faces=400, size=128, samples=1, compare="full")
     result = texbake.run(bone(), tmp_path, options)
     assert handles(result.high) > 60
@@ -124,7 +124,7 @@ def test_what_would_be_torn_is_wrapped(name):
 
 
 @pytest.mark.parametrize("name", real("broken/VH_M_Prostate.glb"))
-def test_parts_that_were_dropped_make_no_spikes(name, tmp_path):
+def test_parts_that_were_dropped_make_no_spikes(name, tmp_path, small_pictures):
     """Thin ducts are dropped, far away from all that is left."""
     options = RunOptions(n_faces=100, size=256, samples=1, compare="full")
     result = texbake.run(model(name), tmp_path, options)

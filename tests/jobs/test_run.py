@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import texbake.jobs.run as run_module
+from tests.conftest import draw_small
 from tests.glb import read_glb
 from texbake import (
     FileError,
@@ -63,7 +64,9 @@ def small():
 
 @pytest.fixture(scope="module")
 def result(high, tmp_path_factory):
-    return run(high, tmp_path_factory.mktemp("run") / "made" / "for it", OPTIONS)
+    with pytest.MonkeyPatch.context() as patch:
+        draw_small(patch)
+        return run(high, tmp_path_factory.mktemp("run") / "made" / "for it", OPTIONS)
 
 
 def test_every_file_is_there_and_nothing_else(result):
@@ -128,7 +131,7 @@ def test_the_table_is_for_a_person(result):
 
 
 @pytest.mark.parametrize("compare", ["off", "quick"])
-def test_the_comparison_can_be_short_or_left_out(high, result, tmp_path, compare):
+def test_the_comparison_can_be_short_or_left_out(high, result, tmp_path, small_pictures, compare):
     made = run(high, tmp_path, replace(OPTIONS, compare=compare))
     pictures = {"ball_preview.png", "ball_compare.png"}
     expected = FILES - (pictures if compare == "off" else set())

@@ -1,4 +1,4 @@
-"""Read USD files and Draco in this process, except in tests of the process that reads them."""
+"""Read USD files, Draco and other formats of libraries in this process."""
 
 from types import SimpleNamespace
 
@@ -10,17 +10,15 @@ from texbake.messages import pack, unpack
 
 
 class Here(Child):
-    """A child that answers in this process, but for trimesh, with the same messages."""
+    """A child that answers in this process, with the same messages."""
 
     def ask(self, request, *, classes):
-        if request[0] == "trimesh":
-            return super().ask(request, classes=classes)
         return unpack(b"".join(pack(reader_process.answer_request(request))), classes)
 
 
 @pytest.fixture(autouse=True)
 def readers_here(request, monkeypatch):
-    """Save half a second per file; `monkeypatch.undo()` brings the other process back."""
+    """Save a second per file, but in tests of the other process; `monkeypatch.undo()` undoes it."""
     if request.path.name == "test_reader_process.py":
         return
     limits = SimpleNamespace(start=lambda: None, allow=lambda n_bytes: None)

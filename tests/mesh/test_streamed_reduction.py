@@ -21,7 +21,7 @@ def _small_pieces(monkeypatch):
     monkeypatch.setattr(reduction, "AT_ONCE", 9_000)
 
 
-def bumpy(n=150):
+def bumpy(n=100):
     ball = uv_sphere(n, n, lambda a, b: 1 + 0.05 * np.sin(5 * a) * np.sin(7 * b))
     return Mesh(positions=ball.positions, faces=ball.faces)
 
@@ -74,7 +74,7 @@ def test_an_open_surface_keeps_its_outline(tmp_path):
 
 
 def test_parts_far_apart_and_faces_in_any_order(tmp_path):
-    ball = bumpy(100)
+    ball = bumpy()
     positions = np.vstack([ball.positions, ball.positions + np.array([300.0, 0.0, 0.0])])
     faces = np.vstack([ball.faces, ball.faces + np.int32(ball.n_vertices)])
     faces = np.random.default_rng(0).permutation(faces)
@@ -87,7 +87,7 @@ def test_parts_far_apart_and_faces_in_any_order(tmp_path):
 def test_doubled_faces_and_faces_without_area(tmp_path, monkeypatch, at_once, most):
     """Copies in one piece count once; in different pieces, they become surfaces that differ."""
     monkeypatch.setattr(reduction, "AT_ONCE", at_once)
-    ball = bumpy(100)
+    ball = bumpy()
     flat = np.repeat(ball.faces[:500, :1], 3, axis=1)
     faces = np.vstack([ball.faces, flat, ball.faces])
     low, _ = simplified(Mesh(positions=ball.positions, faces=faces), tmp_path)

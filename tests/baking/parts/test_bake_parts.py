@@ -37,7 +37,7 @@ HIGH, LOW = join_meshes(HIGHS), join_meshes(LOWS)
 
 
 def options(**changes):
-    return BakeOptions(**{"size": 96, "maps": MAPS, "secondary_rays": 16, **changes})
+    return BakeOptions(**{"size": 64, "maps": MAPS, "secondary_rays": 16, **changes})
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.mesh.conftest import readers_here
+
+__all__ = ["readers_here"]  # for all tests here
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "blender_asset.py"
 
 
