@@ -9,8 +9,8 @@ from tests.mesh.test_shapes import open_edges, signed_volume
 from tests.models import BROKEN, HAS_REAL, joined, level_surface, model, moved, real, soup_of
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
-from texbake.mesh.compose import join_meshes
-from texbake.mesh.decimate import gather, shading_length, weld_corners, weld_positions
+from texbake.mesh.compose import excerpt, join_meshes
+from texbake.mesh.decimate import gather, shading_length, weld_corners
 from texbake.mesh.distance import surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded, with_normals
 from texbake.mesh.mesh import Mesh
@@ -129,7 +129,7 @@ def test_a_large_mesh_in_pieces_keeps_its_topology_and_does_not_depend_on_thread
     mesh = noise_surface(64, 0)
     assert mesh.n_faces > 2 * 62_500
     given = topology(mesh)
-    stream = weld_positions(mesh)
+    stream = weld_corners(mesh)
     few, more = (bring_down(stream, 4, threads=threads) for threads in (1, 3))
     assert few.faces.tobytes() == more.faces.tobytes()
     assert few.points.tobytes() == more.points.tobytes()
@@ -485,7 +485,7 @@ def test_walls_between_cubes_come_apart(quality):
 def test_surfaces_that_touch_stay_closed_and_get_no_new_bad_edges(n_faces, note, quality):
     bricks = [moved(divided(cube(), 3), by=(i + 50, -i, 0)) for i in range(8)]
     mesh = joined(*bricks, *(noise_surface(24, 0),) * (note == CUT))
-    n_bad = np.count_nonzero(find_edges(weld_positions(mesh).faces).non_manifold)
+    n_bad = np.count_nonzero(find_edges(weld_corners(mesh).faces).non_manifold)
     assert n_bad == 7 * 8
     low, report = simplify_with_report(mesh, n_faces, quality=quality)
     dropped = ("small separate parts were dropped",) if note == CUT else ()
@@ -697,3 +697,25 @@ def test_faces_that_are_there_twice_count_once(quality):
     twice = ball.replace(faces=np.concatenate([ball.faces, np.roll(ball.faces, 1, axis=1)]))
     one, other = (simplify(mesh, 300, quality=quality) for mesh in (ball, twice))
     assert np.array_equal(one.positions[one.faces], other.positions[other.faces])
+
+
+@pytest.mark.parametrize("quality", QUALITIES)
+def test_what_counts_less_gets_fewer_triangles(quality):
+    ball = icosphere(5)
+    waves = 1.0 + 0.1 * np.sin(5.0 * ball.positions).sum(axis=1, keepdims=True)
+    left = ball.replace(positions=waves * ball.positions)
+    mesh = join_meshes([left, left.replace(positions=left.positions + np.array([9.0, 0.0, 0.0]))])
+    is_left = np.arange(mesh.n_vertices) < left.n_vertices
+    results = []
+    for least in (1.0, 0.02):
+        importance = np.where(is_left, 1.0, least)
+        low, report = simplify_with_report(mesh, 600, quality=quality, importance=importance)
+        own = excerpt(low, low.positions[low.faces[:, 0], 0] < 4.5)
+        assert report.n_faces <= 600
+        results.append((own.n_faces, surface_distance(left, own).rms))
+    (n_alike, alike), (n_more, closer) = results
+    assert n_alike == pytest.approx(300, rel=0.1)
+    assert n_more > 1.2 * n_alike and closer < 0.8 * alike
+    same, _ = simplify_with_report(mesh, 600, quality=quality, importance=np.ones(mesh.n_vertices))
+    none, _ = simplify_with_report(mesh, 600, quality=quality)
+    assert same.positions.tobytes() == none.positions.tobytes()

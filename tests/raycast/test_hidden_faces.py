@@ -6,7 +6,7 @@ import pytest
 import texbake as tb
 from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.shapes import cube, icosphere
-from texbake.raycast.hidden_faces import hidden_faces
+from texbake.raycast.hidden_faces import hidden_faces, visible_shares
 
 
 def scaled(mesh, size, move=(0.0, 0.0, 0.0)):
@@ -91,3 +91,43 @@ def test_which_side_faces_out_does_not_matter():
     mesh = join_meshes([BOX, BALL])
     flipped = mesh.replace(faces=mesh.faces[:, ::-1])
     np.testing.assert_array_equal(hidden(flipped), hidden(mesh))
+
+
+def shares(mesh, is_opaque=None, **options):
+    opaque = np.ones(mesh.n_faces, bool) if is_opaque is None else is_opaque
+    return visible_shares(mesh, opaque, np.zeros(mesh.n_faces, bool), **options)
+
+
+def windowed_box():
+    """A closed ball in a box of fine triangles, seen through a window in its top."""
+    grid = tb.make("plane", resolution=(24, 24))
+    grid = scaled(grid, 1.0 / np.ptp(grid.positions, axis=0).max())
+    flat = np.argmin(np.ptp(grid.positions, axis=0))
+    grid = grid.replace(positions=np.roll(grid.positions, 2 - flat, axis=1))
+    window = excerpt(grid, np.abs(grid.positions[grid.faces].mean(axis=1)).max(axis=1) > 0.15)
+    turns = [np.roll(np.eye(3), turn, axis=1) for turn in (1, 2)]
+    walls = [grid.replace(positions=grid.positions @ turn) for turn in turns]
+    pairs = [
+        scaled(w, 1.0, s * 0.5 * t[2]) for w, t in zip(walls, turns, strict=True) for s in (1, -1)
+    ]
+    top, bottom = scaled(window, 1.0, (0.0, 0.0, 0.5)), scaled(grid, 1.0, (0.0, 0.0, -0.5))
+    return join_meshes([scaled(icosphere(4), 0.4), top, bottom, *pairs])
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e6])
+def test_surfaces_count_less_where_little_of_them_is_seen(size):
+    mesh = scaled(windowed_box(), size, (0.0, size, 0.0))
+    found = shares(mesh, threads=1)
+    n = icosphere(4).n_vertices
+    heights = mesh.positions[:n, 2] / size
+    assert found[n:].min() > 0.8
+    assert found[:n][heights < 0.0].max() < 0.1
+    assert found[:n][heights > 0.35].mean() > 5.0 * found[:n][heights < 0.0].mean()
+    np.testing.assert_array_equal(found, shares(mesh, threads=3))
+
+
+def test_all_surfaces_count_alike_where_hardly_any_is_hidden_or_all_is_of_glass():
+    assert shares(BALL) is None
+    assert shares(join_meshes([BALL, scaled(BALL, 0.9, (1.0, 0.0, 0.0))])) is None
+    assert shares(windowed_box(), np.zeros(windowed_box().n_faces, bool)) is None
+    assert shares(windowed_box(), np.arange(windowed_box().n_faces) < icosphere(4).n_faces) is None

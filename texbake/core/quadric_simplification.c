@@ -139,9 +139,19 @@ static double edge_weight(
     return BOUNDARY_WEIGHT;
 }
 
-static void add_face_quadrics(
-    const struct collapsible_mesh *mesh, const double (*points)[4], struct quadric *quadrics)
+/* How much a face counts, by what its vertices do. */
+static double importance_of(const struct simplification *s, const int32_t *face)
 {
+    double sum = 0.0;
+    for (int k = 0; k < 3 && s->importance; k++)
+        sum += s->importance[s->vertex_ids[face[k]]];
+    return s->importance ? sum / 3.0 : 1.0;
+}
+
+static void add_face_quadrics(
+    const struct simplification *s, const double (*points)[4], struct quadric *quadrics)
+{
+    const struct collapsible_mesh *mesh = &s->mesh;
     for (int64_t i = 0; i < mesh->n_faces; i++) {
         const int32_t *face = mesh->faces[i];
         const struct vector a = vector_at(points[face[0]]);
@@ -151,12 +161,13 @@ static void add_face_quadrics(
         if (!(length > 0.0))
             continue;
         const struct vector normal = {across.x / length, across.y / length, across.z / length};
+        const double weight = importance_of(s, face) * length;
         struct quadric plane = {0};
-        add_plane(&plane, normal, a, 0.5 * length);
+        add_plane(&plane, normal, a, 0.5 * weight);
         for (int k = 0; k < 3; k++) {
             struct quadric *quadric = &quadrics[face[k]];
             *quadric = add_quadrics(quadric, &plane);
-            add_point(quadric, vector_at(points[face[k]]), PLACE_WEIGHT * length);
+            add_point(quadric, vector_at(points[face[k]]), PLACE_WEIGHT * weight);
         }
     }
 }
@@ -186,8 +197,9 @@ static void add_edge_quadrics(struct simplification *s)
         for (int64_t i = 0; i < around.n; i++) {
             const int32_t corner = around.corners[i];
             const double weight = edge_weight(mesh, corner, around);
+            const int32_t *face = mesh->faces[corner >> 2];
             if (weight > 0.0)
-                add_edge_plane(s, mesh->faces[corner >> 2], corner & 3, weight);
+                add_edge_plane(s, face, corner & 3, importance_of(s, face) * weight);
         }
     }
 }
@@ -463,12 +475,12 @@ void begin_simplification(struct arena *arena, struct simplification *s, bool lo
     s->heap = TAKE(arena, struct waiting, n + CHILDREN - 1) + CHILDREN - 1;
     s->is_waiting = TAKE_ZEROS(arena, bool, n);
     s->is_stale = TAKE_ZEROS(arena, bool, n);
-    add_face_quadrics(mesh, (const double(*)[4])mesh->points, s->quadrics);
+    add_face_quadrics(s, (const double(*)[4])mesh->points, s->quadrics);
     add_edge_quadrics(s);
     for (int64_t pose = 0; pose < s->n_poses; pose++) {
         double (*points)[4] = posed_points(s, pose);
         struct quadric *quadrics = posed_quadrics(s, pose);
-        add_face_quadrics(mesh, (const double(*)[4])points, quadrics);
+        add_face_quadrics(s, (const double(*)[4])points, quadrics);
         for (int64_t vertex = 0; vertex < n; vertex++)
             points[vertex][3] = error_at(&quadrics[vertex], vector_at(points[vertex]));
     }
@@ -514,6 +526,14 @@ static void join_normals(struct simplification *s, int32_t u, int32_t v)
     const int n = normal_pairs(s, u, v, pairs);
     for (int i = 0; i < n; i++)
         add_normal_quadrics(&s->of_normals[pairs[i][1]], &s->of_normals[pairs[i][0]]);
+}
+
+/* Where two vertices meet, the more important one counts. */
+static void join_importance(struct simplification *s, int32_t u, int32_t v)
+{
+    double *of_v = &s->importance[s->vertex_ids[v]];
+    if (s->moves)
+        *of_v = max_f64(*of_v, s->importance[s->vertex_ids[u]]);
 }
 
 /* Let a vertex share what it stands for with the second half that it got at its place. */
@@ -566,6 +586,8 @@ bool collapse_cheapest(
                     collapse_edge(&s->mesh, *u, v, place, collapse);
                 if (s->places.points != NULL)
                     join_places(&s->places, s->vertex_ids[*u], s->vertex_ids[v]);
+                if (s->importance)
+                    join_importance(s, *u, v);
                 s->quadrics[v] = add_quadrics(&s->quadrics[*u], &s->quadrics[v]);
                 s->mesh.points[v][3] = error_at(&s->quadrics[v], place);
                 if (collapse->third >= 0) {
@@ -697,7 +719,8 @@ EXPORT int64_t collapse_edges(
     const int32_t vertex_of[n_wedges], double points[n_vertices][3], int32_t faces[n_faces][3],
     OPTIONAL const int32_t uv_rows[n_wedges], OPTIONAL double uvs[n_uvs][2],
     OPTIONAL const int32_t normal_rows[n_wedges], OPTIONAL double normals[n_normals][3],
-    OPTIONAL double posed[n_posed][3], OPTIONAL int32_t copy_of[n_wedges], double normal_weight,
+    OPTIONAL double posed[n_posed][3], OPTIONAL int32_t copy_of[n_wedges],
+    OPTIONAL double importance[n_vertices], double normal_weight,
     int64_t n_wanted, bool moves, bool lock_boundary, bool may_cut)
 {
     struct simplification s = {
@@ -705,6 +728,7 @@ EXPORT int64_t collapse_edges(
         .mesh.n_copies = n_wedges,
         .mesh.may_cut = copy_of != NULL && may_cut,
         .moves = moves,
+        .importance = importance,
         .n_normals = n_normals,
         .normal_weight = normals && !moves ? normal_weight : 0.0,
         .attributes = {

@@ -271,6 +271,7 @@ struct simplification {
     struct carried_places places;
     bool moves; /* vertices go to the place of least error, else one end of the edge stays */
     uint8_t *n_wedges; /* of each vertex that may move: 1, 2 at a seam, and 3 for more */
+    double *importance; /* of all vertices: what a face counts by, beside its area; NULL where all do */
     struct quadric *quadrics;
     struct normal_quadric *of_normals; /* of each row; NULL where they do not count */
     int64_t n_normals;

@@ -12,6 +12,7 @@ from texbake.mapping.options import PADDING_DEFAULT
 from texbake.mesh.options import (
     ANGLE_OPTION,
     DEFAULT_ANGLE,
+    HIDDEN_PARTS,
     JOIN_OBJECTS_OPTION,
     LOW_NORMALS_OPTION,
     MIN_FACES,
@@ -61,7 +62,7 @@ class LightenOptions(CheckedOptions):
         "Let parts that are copies of one another share their texels, where texture coordinates "
         "are new. Copies may be moved, turned, mirrored or of another size.",
     )
-    drop_hidden: Annotated[bool, option_of(SimplifyOptions, "drop_hidden")] = False
+    drop_hidden: bool = option(False, f"{HIDDEN_PARTS}. Transparent materials hide nothing.")
     join: bool = option(False, "Write one node instead of those of the model.")
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False
     orientation: Annotated[str, ORIENTATION_OPTION] = "keep"

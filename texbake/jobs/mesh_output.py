@@ -28,7 +28,7 @@ from texbake.mesh.files.mtl import write_obj_materials
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
 from texbake.mesh.materials import Materials, read_materials
-from texbake.mesh.mesh import BoolArray, IndexArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.rig import Rig, read_rig
 from texbake.mesh.simplify import SimplifyReport, simplify_with_report
@@ -85,8 +85,7 @@ class MeshFileMaterials:
         from texbake.mesh.compose import excerpt
         from texbake.raycast.hidden_faces import hidden_faces
 
-        rig = self.rig
-        if mesh.deformation is not None or (rig is not None and rig.content.get("animations")):
+        if self._moves(mesh):
             return mesh, self, (f"{mesh.name}: all parts stay, because the mesh can move",)
         hidden = hidden_faces(mesh, *self.walls(mesh.n_faces), threads=threads)
         if not hidden.any():
@@ -96,6 +95,18 @@ class MeshFileMaterials:
         if materials is not None:
             materials = materials_of_faces(materials, mesh, ~hidden)
         return excerpt(mesh, ~hidden), replace(self, materials=materials), (note,)
+
+    def visible_shares(self, mesh: Mesh, *, threads: int | None) -> FloatArray | None:
+        """(V,) how much vertices count by how well they are seen, or None if all count alike."""
+        from texbake.raycast.hidden_faces import visible_shares
+
+        if self._moves(mesh):
+            return None
+        return visible_shares(mesh, *self.walls(mesh.n_faces), threads=threads)
+
+    def _moves(self, mesh: Mesh) -> bool:
+        has_animations = self.rig is not None and self.rig.content.get("animations")
+        return bool(mesh.deformation is not None or has_animations)
 
     def walls(self, n_faces: int) -> tuple[BoolArray, BoolArray]:
         """(F,) bool: faces through which nothing is seen, and those not drawn from behind."""

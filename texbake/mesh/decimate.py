@@ -9,7 +9,6 @@ the sources: `core/quadric_simplification.c`.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -21,7 +20,7 @@ from texbake.mesh.compose import used_rows
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_groups, weld_vertices
-from texbake.mesh.topology import face_components, find_edges, repeated_vertices
+from texbake.mesh.topology import find_edges, repeated_vertices
 from texbake.mesh.weld import later_copies, weld_rows
 from texbake.records import dataclass
 
@@ -34,9 +33,6 @@ _SHADING = 0.016
 # A boundary is simplified like the rest where keeping all of it would take up more than this part
 # of the faces, or this part more than simplifying it.
 _BOUNDARY_SHARE, _BOUNDARY_COST = 0.25, 0.05
-
-# Parts that cannot all stay may take up these parts of the faces.
-_PARTS_SHARES = (0.25, 0.5, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +50,7 @@ class VertexStream:
     # (S,) int32: first group of the object of each vertex, if the mesh has several objects
     object_ids: IntArray | None = None
     poses: FloatArray | None = None  # (P, S, 3) float64: positions on the grid in other poses
+    importance: FloatArray | None = None  # (S,) float64: what errors count by, beside their area
     normals: FloatArray | None = None  # (N, 3) float64: of the mesh, where their errors count
     shading: float = 0.0  # distance on the grid that counts as much as a radian between them
     is_smooth: bool = False  # whether there is one normal at each position
@@ -83,6 +80,15 @@ class VertexStream:
             poses = poses[:, np.unique(self.position_ids, return_index=True)[1]]
         return np.ascontiguousarray(poses.reshape(-1, 3))
 
+    @property
+    def importance_of_vertices(self) -> FloatArray | None:
+        """(n,) float64: a copy of what errors at the vertices count by."""
+        if self.importance is None:
+            return None
+        values = np.empty(len(self.vertices[1]))
+        values[self.vertices[0]] = self.importance
+        return values
+
     @cached_property
     def has_bad_edges(self) -> bool:
         """Whether edges of more than two faces hinder collapses, and could be taken apart."""
@@ -96,10 +102,27 @@ class VertexStream:
         copies = later_copies(np.take_along_axis(self.faces, turns, axis=1))
         return self.restricted(self.faces[~copies]) if copies.any() else self
 
+    def of_positions(self) -> VertexStream:
+        """Stream of the positions alone, each a vertex once, without repeated faces."""
+        vertex_of, points = self.vertices
+        faces = vertex_of[self.faces]
+        faces = faces[~repeated_vertices(faces) & _is_first_of_its_kind(faces)]
+        firsts = np.unique(self.position_ids, return_index=True)[1]
+        return replace(
+            self,
+            faces=faces,
+            points=points,
+            position_ids=self.position_ids[firsts],
+            group_ids=None,
+            object_ids=None if self.object_ids is None else self.object_ids[firsts],
+            importance=self.importance_of_vertices,
+            poses=None if self.poses is None else self.poses[:, firsts],
+        ).restricted(faces)
+
     def restricted(self, faces: IntArray) -> VertexStream:
         """Stream of other faces over these vertices, without the vertices they do not use."""
         used, faces = used_rows(faces, len(self.points))
-        names = ("uv_ids", "normal_ids", "group_ids", "object_ids")
+        names = ("uv_ids", "normal_ids", "group_ids", "object_ids", "importance")
         ids = {name: getattr(self, name) for name in names}
         kept = {name: None if values is None else values[used] for name, values in ids.items()}
         if self.poses is not None:
@@ -109,11 +132,6 @@ class VertexStream:
             shading=self.shading, is_smooth=self.is_smooth, is_apart=self.is_apart,
             keeps_topology=self.keeps_topology, **kept,
         )  # fmt: skip
-
-
-def weld_positions(mesh: Mesh, *, threads: int | None = None) -> VertexStream:
-    """Stream of the positions alone, each a vertex once, however often the file repeats it."""
-    return _weld(mesh, weld_vertices(mesh, threads=threads)[mesh.faces], {}, threads)
 
 
 def with_surfaces_apart(stream: VertexStream, *, opens: bool = False) -> VertexStream:
@@ -131,13 +149,14 @@ def with_surfaces_apart(stream: VertexStream, *, opens: bool = False) -> VertexS
         rows = np.stack([copies, stream.faces], axis=-1).reshape(-1, 2)
         pairs, numbers = np.unique(rows, axis=0, return_inverse=True)
         kept = pairs[:, 1]
-        objects, poses = stream.object_ids, stream.poses
+        objects, poses, importance = stream.object_ids, stream.poses, stream.importance
         stream = replace(
             stream,
             faces=numbers.astype(np.int32).reshape(-1, 3),
             points=stream.points[kept],
             position_ids=stream.position_ids[kept],
             object_ids=None if objects is None else objects[kept],
+            importance=None if importance is None else importance[kept],
             poses=None if poses is None else poses[:, kept],
             is_apart=True,
         )
@@ -150,10 +169,17 @@ def shading_length(mesh: Mesh) -> float:
     return _SHADING * float((high - low).max())
 
 
-def weld_corners(mesh: Mesh, *, shades: float = 0.0, threads: int | None = None) -> VertexStream:
+def weld_corners(
+    mesh: Mesh,
+    *,
+    shades: float = 0.0,
+    importance: FloatArray | None = None,
+    threads: int | None = None,
+) -> VertexStream:
     """Stream with a vertex for each combination of uv, hard normal and group at a position.
 
     If `shades`, a length that counts as much as a radian, is not 0, it has the mesh's normals.
+    `importance` (V,) float64 is what errors at vertices count by.
     """
     firsts = weld_vertices(mesh, threads=threads)
     is_first = np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32))
@@ -171,6 +197,8 @@ def weld_corners(mesh: Mesh, *, shades: float = 0.0, threads: int | None = None)
     if mesh.face_groups is not None and has_borders(mesh):
         columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
     stream = _weld(mesh, places, columns, threads)
+    if importance is not None:
+        stream = replace(stream, importance=importance[stream.position_ids])
     if not shades:
         return stream
     shading = float(UnitGrid.around(mesh).length_to_grid(shades))
@@ -285,8 +313,8 @@ def collapse_stream(stream: VertexStream, n_faces: int, *, lock_boundary: bool =
     copy_of = _first_at_each_place(stream)
     n_left = core.collapse_edges(
         vertex_of, points.copy(), faces, None, None, normal_rows, normals, _copied(stream.posed),
-        copy_of, stream.shading * stream.shading, n_faces, False, lock_boundary,
-        not stream.keeps_topology,
+        copy_of, stream.importance_of_vertices, stream.shading * stream.shading, n_faces, False,
+        lock_boundary, not stream.keeps_topology,
     )  # fmt: skip
     return faces[:n_left] if copy_of is None else copy_of[faces[:n_left]]
 
@@ -319,7 +347,8 @@ def move_and_collapse(
     normal_rows, normals = _rows_of_vertices(vertex_of, stream.normal_ids, mesh.normals)
     n_left = core.collapse_edges(
         vertex_of, points, faces, uv_rows, uvs, normal_rows, normals, _copied(stream.posed),
-        _first_at_each_place(stream), 0.0, n_faces, True, lock_boundary, not stream.keeps_topology,
+        _first_at_each_place(stream), stream.importance_of_vertices, 0.0, n_faces, True,
+        lock_boundary, not stream.keeps_topology,
     )  # fmt: skip
     faces = faces[:n_left]
     positions = np.empty_like(points)
@@ -347,33 +376,6 @@ def _rows_of_vertices(
         return None, None
     rows = weld_rows(np.stack([vertex_of, ids], axis=1))
     return rows.astype(np.int32), np.ascontiguousarray(values[ids])
-
-
-def without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
-    """Yield the stream without its smallest parts, with ever more of them."""
-    corners = stream.vertices[0][stream.faces]
-    parts, n_parts = face_components(corners, int(corners.max()) + 1)
-    if n_parts == 1:
-        return
-    part_of = np.zeros(len(stream.points), dtype=np.intp)
-    part_of[stream.faces] = parts[:, None]
-    has_edges = n_parts < len(stream.faces)  # between faces; of loose triangles none can collapse
-    least = collapse_stream(stream, 0) if has_edges else with_three_places(stream, stream.faces)
-    fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
-    low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
-    for corner in range(3):
-        np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])
-        np.maximum.at(high, parts, stream.points[stream.faces[:, corner]])
-    order = np.argsort(-(high - low).max(axis=1), kind="stable")
-    sums = np.cumsum(fewest[order])
-    n_before = 0
-    for share in _PARTS_SHARES:
-        n_kept = int(np.searchsorted(sums, share * n_faces, side="right"))
-        if n_before < n_kept < n_parts:
-            kept = np.zeros(n_parts, dtype=bool)
-            kept[order[:n_kept]] = True
-            yield stream.restricted(stream.faces[kept[parts]])
-        n_before = n_kept
 
 
 def with_three_places(stream: VertexStream, faces: IntArray) -> IntArray:

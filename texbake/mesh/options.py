@@ -173,6 +173,12 @@ ERROR_OPTION: Final = Option(
 )
 
 
+HIDDEN_PARTS: Final = (
+    "Leave out parts that others hide from every direction outside, such as an engine under a "
+    "closed hood"
+)
+
+
 def error_limit(error: str | float | None, diagonal: float) -> float | None:
     """Return the greatest distance that an error allows, in the units of the diagonal."""
     return None if error is None else length_of("error", "a distance", error, diagonal)
@@ -213,8 +219,8 @@ class SimplifyOptions(CheckedOptions):
     )
     drop_hidden: bool = option(
         False,
-        "Leave out parts that others hide from every direction outside, such as an engine under "
-        "a closed hood. Transparent materials hide nothing.",
+        f"{HIDDEN_PARTS}, and simplify surfaces more that are hardly seen. Transparent materials "
+        "hide nothing.",
     )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False

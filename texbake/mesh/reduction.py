@@ -26,14 +26,13 @@ from texbake.mesh.decimate import (
     gather,
     move_and_collapse,
     weld_corners,
-    weld_positions,
     with_surfaces_apart,
-    without_small_parts,
+    with_three_places,
 )
 from texbake.mesh.deformation import Deformation, Morph
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded
-from texbake.mesh.mesh import IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.piecewise import bring_down
@@ -64,6 +63,9 @@ _ENOUGH = 0.75
 # An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
 _ABOUT_AS_CLOSE = 1.5
 
+# Parts that cannot all stay may take up these parts of the faces.
+_PARTS_SHARES = (0.25, 0.5, 1.0)
+
 _COLLAPSES = "collapsed edges"
 
 # Notes on what becomes of edges of three or more faces where they are in the way.
@@ -89,31 +91,41 @@ def reduced(
     threads: int | None,
     *,
     shades: float = 0.0,
+    importance: FloatArray | None = None,
     gives_up: bool = True,
 ) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
     If it `gives_up`, seams and parts may go. With `shades`, a length, changes of normals
-    count, a radian as much as it; vertices keep their places and no part is dropped.
+    count, a radian as much as it; vertices keep their places and no part is dropped. Errors
+    at vertices count by their `importance` (V,) float64.
     """
+    again = partial(
+        reduced, n_faces=n_faces, options=options, threads=threads,
+        shades=shades, importance=importance, gives_up=gives_up,
+    )  # fmt: skip
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
         bare = mesh.replace(normals=None, normal_faces=None)
-        low = reduced(bare, n_faces, options, threads, shades=shades, gives_up=gives_up)
-        return noted(low, "its normals are those of its facets: none of its edges counts as hard")
+        return noted(
+            again(bare), "its normals are those of its facets: none of its edges counts as hard"
+        )
     if _is_without_charts(mesh):
         bare = mesh.replace(uvs=None, uv_faces=None)
-        low = reduced(bare, n_faces, options, threads, shades=shades, gives_up=gives_up)
-        return noted(low, "its texture coordinates, where no face has an area, were left out")
-    start = bring_down(weld_corners(mesh, shades=shades, threads=threads), n_faces, threads=threads)
+        return noted(
+            again(bare), "its texture coordinates, where no face has an area, were left out"
+        )
+    stream = weld_corners(mesh, shades=shades, importance=importance, threads=threads)
+    start = bring_down(stream, n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
         raise MeshError(
             f"{mesh.name}: none of its faces has three distinct corners; repair it first"
         )
     attempts = _attempts(
-        mesh, start, n_faces, options.seams, threads, drops=not shades, gives_up=gives_up
-    )
+        mesh, start, n_faces, options.seams, threads, importance,
+        drops=not shades, gives_up=gives_up,
+    )  # fmt: skip
     result = _fast(mesh, attempts, n_faces, threads, gives_up=gives_up)
     if options.quality == "best" and start.normals is None:
         result = _best(mesh, result, n_faces, threads)
@@ -239,6 +251,7 @@ def _attempts(
     n_faces: int,
     seams: str,
     threads: int | None,
+    importance: FloatArray | None,
     *,
     drops: bool,
     gives_up: bool,
@@ -256,7 +269,7 @@ def _attempts(
         apart = with_surfaces_apart(stream) if stream.has_bad_edges else stream
         if apart is not stream:
             yield apart, partial(collapse_stream, apart), _COLLAPSES, (*notes, APART)
-        for large in without_small_parts(stream, n_faces) if drops else ():
+        for large in _without_small_parts(stream, n_faces) if drops else ():
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
         given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
         if stream.is_smooth:
@@ -267,11 +280,39 @@ def _attempts(
         smooth = without_borders(mesh.replace(normals=None, normal_faces=None))
         if seams != "keep":
             smooth = smooth.replace(uvs=None, uv_faces=None)
-        stream = bring_down(weld_corners(smooth, threads=threads), n_faces, threads=threads)
+        stream = weld_corners(smooth, importance=importance, threads=threads)
+        stream = bring_down(stream, n_faces, threads=threads)
     if gives_up and drops and stream.has_bad_edges:
         cut = replace(with_surfaces_apart(stream, opens=True), keeps_topology=False)
         yield cut, partial(collapse_stream, cut), _COLLAPSES, (*notes, CUT)
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
+
+
+def _without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
+    """Yield the stream without its smallest parts, with ever more of them."""
+    corners = stream.vertices[0][stream.faces]
+    parts, n_parts = face_components(corners, int(corners.max()) + 1)
+    if n_parts == 1:
+        return
+    part_of = np.zeros(len(stream.points), dtype=np.intp)
+    part_of[stream.faces] = parts[:, None]
+    has_edges = n_parts < len(stream.faces)  # between faces; of loose triangles none can collapse
+    least = collapse_stream(stream, 0) if has_edges else with_three_places(stream, stream.faces)
+    fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
+    low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
+    for corner in range(3):
+        np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])
+        np.maximum.at(high, parts, stream.points[stream.faces[:, corner]])
+    order = np.argsort(-(high - low).max(axis=1), kind="stable")
+    sums = np.cumsum(fewest[order])
+    n_before = 0
+    for share in _PARTS_SHARES:
+        n_kept = int(np.searchsorted(sums, share * n_faces, side="right"))
+        if n_before < n_kept < n_parts:
+            kept = np.zeros(n_parts, dtype=bool)
+            kept[order[:n_kept]] = True
+            yield stream.restricted(stream.faces[kept[parts]])
+        n_before = n_kept
 
 
 def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None:
@@ -303,10 +344,7 @@ def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -
     """The mesh with vertices moved to where the error is least."""
     if start.uv_ids is None and start.normal_ids is None and not start.is_apart:
         # Borders of groups do not hinder here: a face gets its group back from the nearest point.
-        welded = gather(mesh, start, start.faces)
-        if welded is None:
-            return None
-        mesh, start = welded, weld_positions(welded, threads=threads)
+        start = start.of_positions()
     locks = boundary_fits(start, n_faces)
     return _brought_to(n_faces, partial(move_and_collapse, mesh, start, lock_boundary=locks))
 

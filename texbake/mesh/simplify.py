@@ -25,7 +25,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
 from texbake.mesh.distance import REPORTED_SAMPLES, SurfaceDistance, surface_distance
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Mesh
+from texbake.mesh.mesh import FloatArray, Mesh
 from texbake.mesh.options import MIN_FACES, SimplifyOptions, error_limit
 from texbake.mesh.reduction import CUT, SLACK, Reduction, noted, reduced
 from texbake.mesh.streamed.reduction import ReducedMesh
@@ -169,18 +169,20 @@ def simplify_with_report(
     seams: str = SimplifyOptions.seams,
     source: ReducedMesh | None = None,
     shades: float = 0.0,
+    importance: FloatArray | None = None,
     progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
     """Simplify, and report the method and the distance, from `source` if it was reduced.
 
-    If it `shades`, the mesh's own normals count as well, and stay, as all its parts do.
+    If it `shades`, the mesh's own normals count as well, and stay, as all its parts do. Errors
+    at vertices count by their `importance` (V,) float64.
     """
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
     options = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams)
-    result = _simplified(mesh, options, stages, threads, shades)
+    result = _simplified(mesh, options, stages, threads, shades, importance)
     seconds = time.perf_counter() - start
     low, distance = result.mesh, result.distance
     if distance is None:
@@ -236,7 +238,12 @@ def check_count(
 
 
 def _simplified(
-    mesh: Mesh, options: SimplifyOptions, stages: Stages, threads: int | None, shades: float = 0.0
+    mesh: Mesh,
+    options: SimplifyOptions,
+    stages: Stages,
+    threads: int | None,
+    shades: float = 0.0,
+    importance: FloatArray | None = None,
 ) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
     n_faces, limit = options.n_faces, error_limit(options.error, mesh.diagonal)
@@ -249,9 +256,9 @@ def _simplified(
         return _unchanged(mesh, _FEW_FACES)
     with stages.stage("simplify"):
         if limit is not None:
-            return _simplify_within(mesh, limit, options, threads)
+            return _simplify_within(mesh, limit, options, threads, importance)
         assert n_faces is not None
-        return reduced(mesh, n_faces, options, threads, shades=shades)
+        return reduced(mesh, n_faces, options, threads, shades=shades, importance=importance)
 
 
 def _unchanged(mesh: Mesh, note: str) -> Reduction:
@@ -259,7 +266,11 @@ def _unchanged(mesh: Mesh, note: str) -> Reduction:
 
 
 def _simplify_within(
-    mesh: Mesh, limit: float, options: SimplifyOptions, threads: int | None
+    mesh: Mesh,
+    limit: float,
+    options: SimplifyOptions,
+    threads: int | None,
+    importance: FloatArray | None,
 ) -> Reduction:
     """The result of fewest faces found, not below a number, that lies within a distance."""
     n_faces = options.n_faces
@@ -269,7 +280,9 @@ def _simplify_within(
 
     def attempt(n_asked: int) -> Trial:
         nonlocal fitting
-        result = reduced(mesh, n_asked, options, threads, gives_up=n_asked == n_faces)
+        result = reduced(
+            mesh, n_asked, options, threads, importance=importance, gives_up=n_asked == n_faces
+        )
         distance = surface_distance(mesh, result.mesh, threads=threads)
         n_left = result.mesh.n_faces
         if distance.max <= limit and n_left < fitting.mesh.n_faces:

@@ -1,8 +1,9 @@
-"""Parts of an assembly that nobody sees from outside, found by rays that try to get away.
+"""Parts and surfaces that nobody sees from outside, found by rays that try to get away.
 
 Rays leave random points of the faces of a part on both sides. The part is visible if one of them
 meets nothing, and hidden if all of them are blocked, some by another part. A part is hidden as a
-whole or not at all, so that no gap opens in what is seen.
+whole or not at all, so that no gap opens in what is seen. Surfaces of visible parts count by the
+share of the rays that get away, so that simplifying leaves more triangles to what is seen.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import numpy as np
 from texbake.mesh.compose import excerpt
 from texbake.mesh.distance import face_areas, unit_normals
 from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import BoolArray, IndexArray, Int64Array, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, Int64Array, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.topology import face_components
+from texbake.raycast.openness import openness
 from texbake.raycast.orientation import cast_from, cosine_directions, points_allowed, points_in
 from texbake.raycast.rays import NO_HIT
 from texbake.raycast.scene import RayScene
@@ -29,6 +31,11 @@ _ROUNDS = ((4, 1 << 14), (12, 1 << 16), (48, 1 << 18))
 _RAYS_AT_ONCE = 1 << 19
 _MOST_POINTS = 32.0  # times the points that finding the outside of a mesh allows
 
+# Openness from which a surface counts in full, and the least that any counts. All count alike where
+# less than this share of the area is less open than this.
+_SEEN, _LEAST = 0.2, 0.02
+_FEW, _HARDLY = 0.1, 0.02
+
 
 def hidden_faces(
     mesh: Mesh, is_opaque: BoolArray, is_one_sided: BoolArray, *, threads: int | None = None
@@ -39,7 +46,7 @@ def hidden_faces(
     """
     welded = weld_vertices(mesh, threads=threads)[mesh.faces]
     parts, n_parts = face_components(welded, mesh.n_vertices)
-    is_wall = is_opaque & ~(is_one_sided & _is_turned(mesh, parts, n_parts)[parts])
+    is_wall = _walls(mesh, parts, n_parts, is_opaque, is_one_sided)
     is_seen, meets_other = np.zeros((2, n_parts), dtype=np.bool_)
     if n_parts < 2 or not is_wall.any():
         return np.zeros(mesh.n_faces, dtype=np.bool_)
@@ -64,6 +71,34 @@ def hidden_faces(
             others = ~away & (parts[is_wall][hits] != parts[of_rays])
             meets_other[parts[of_rays[others.any(axis=0)]]] = True
     return np.asarray((meets_other & ~is_seen)[parts])
+
+
+def visible_shares(
+    mesh: Mesh, is_opaque: BoolArray, is_one_sided: BoolArray, *, threads: int | None = None
+) -> FloatArray | None:
+    """(V,) how much vertices count that opaque faces hide more or less, from `_LEAST` to 1.
+
+    None where hardly anything is hidden, so that all count alike.
+    """
+    places = weld_vertices(mesh, threads=threads)
+    faces = places[mesh.faces]
+    parts, n_parts = face_components(faces, mesh.n_vertices)
+    walls = faces[_walls(mesh, parts, n_parts, is_opaque, is_one_sided)]
+    if not len(walls):
+        return None
+    seen = openness(mesh.positions, faces, walls=walls, threads=threads)
+    areas = face_areas(mesh.positions, faces, threads=threads)
+    hidden = math.fsum(areas[seen[faces].max(axis=1) < _HARDLY])
+    if not hidden > _FEW * math.fsum(areas):
+        return None
+    return np.clip(seen[places] / _SEEN, _LEAST, 1.0)
+
+
+def _walls(
+    mesh: Mesh, parts: IntArray, n_parts: int, is_opaque: BoolArray, is_one_sided: BoolArray
+) -> BoolArray:
+    """(F,) bool: faces that hide what is behind them."""
+    return is_opaque & ~(is_one_sided & _is_turned(mesh, parts, n_parts)[parts])
 
 
 def _is_turned(mesh: Mesh, parts: IntArray, n_parts: int) -> BoolArray:

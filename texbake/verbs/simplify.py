@@ -19,7 +19,7 @@ from texbake.verbs.verb import REPORT, THREADS, Options, Reads, Rows, Writes, ve
 if TYPE_CHECKING:
     from texbake.jobs.mesh_output import MeshFileMaterials
     from texbake.jobs.outputs import JobResult
-    from texbake.mesh.mesh import Mesh
+    from texbake.mesh.mesh import FloatArray, Mesh
     from texbake.mesh.simplify import SimplifyReport
     from texbake.mesh.streamed.reduction import ReducedMesh
     from texbake.progress import Progress
@@ -35,6 +35,7 @@ _NOT_WHOLE = (
     "drop_hidden: {mesh} is too large to be read whole, and finding hidden parts needs the whole "
     "mesh; raise `max_memory`, or leave out `drop_hidden`"
 )
+_HIDDEN = "surfaces that are hardly seen from outside count less"
 _MORE = "request more"
 _CLOSE = f"{_MORE}, or use `topology` simplify, which closes holes and tunnels"
 
@@ -129,13 +130,20 @@ def simplify_levels(
         # The file itself says which side an open surface shows.
         has_side = read.normals is not None or read.uvs is not None
         high, turned = oriented(read, options.orientation, keep_open=has_side, threads=threads)
-    notes = (*notes, *turned.notes)
+    notes, importance = (*notes, *turned.notes), None
+    if options.drop_hidden:
+        with Stages(progress).stage("find hidden surfaces"):
+            importance = materials.visible_shares(high, threads=threads)
+    if importance is not None:
+        notes = (*notes, _HIDDEN)
     if options.max_memory is not None and source is None and read.n_faces > _most(options):
         notes = (*notes, _WHOLE.format(mesh=Path(mesh).name))
     results = []
     for count, output in levels:
         # Each from the mesh itself: the errors of levels made from one another add up.
-        level = _level(high, source, materials, count, output, options, mtl, threads, progress)
+        level = _level(
+            high, source, materials, importance, count, output, options, mtl, threads, progress
+        )
         figures = replace(level.report, notes=(*notes, *level.report.notes))
         if source is None:
             figures = replace(figures, n_faces_before=n_faces)
@@ -193,6 +201,7 @@ def _level(
     high: Mesh,
     source: ReducedMesh | None,
     materials: MeshFileMaterials,
+    importance: FloatArray | None,
     count: int | None,
     output: PathLike,
     options: SimplifyOptions,
@@ -218,7 +227,7 @@ def _level(
         repeated = RepeatedParts.instances(high, materials.materials, rig)
     if repeated is not None:
         materials = materials.of_faces(repeated.is_first)
-        high = excerpt(repeated.mesh, repeated.is_first)
+        high, importance = excerpt(repeated.mesh, repeated.is_first), None
     bordered = MaterialPartition.of(high, materials) if materials.fit(output, mtl=mtl) else None
     given = high if bordered is None else bordered.mesh
 
@@ -228,7 +237,7 @@ def _level(
     def simplified(count: int | None) -> tuple[Mesh, SimplifyReport, MeshFileMaterials]:
         made, figures = simplify_with_report(
             given, count, error=options.error, quality=options.quality, seams=options.seams,
-            source=source, threads=threads, progress=progress,
+            source=source, importance=importance, threads=threads, progress=progress,
         )  # fmt: skip
         low, of_low = restored(made)
         return low, figures, of_low

@@ -20,6 +20,7 @@ from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.topology import next_half_edges, opposite_half_edges
 from texbake.mesh.weld import weld_rows
+from texbake.raycast.openness import openness
 from texbake.records import dataclass
 
 
@@ -52,6 +53,12 @@ class ChartSurface:
         """The hard edges, beveled or not."""
         corners, _, opposite = self.joints
         return find_bevels(self.points, corners, opposite)
+
+    @cached_property
+    def openness(self) -> FloatArray:
+        """(V,) open share of the surroundings of vertices, on the side of the normals."""
+        corners, solid, _ = self.joints
+        return openness(self.points, corners[solid], threads=self.threads)
 
     def opposite(self, solid: npt.NDArray[np.bool_]) -> IntArray:
         """(3 F,) int32: `opposite_half_edges` of the `solid` faces."""

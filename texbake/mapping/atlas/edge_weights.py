@@ -14,11 +14,8 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import ChartSurface
-from texbake.mesh.frame import LocalFrame
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.symmetry import MirrorPlane
-from texbake.raycast.rays import OPEN, Hemispheres, OcclusionRange, direction_sets, mixed
-from texbake.raycast.scene import RayScene
 from texbake.records import dataclass
 
 # Weight of a hard edge, and of the angles, in degrees, at which edges begin to be hard and are.
@@ -26,12 +23,6 @@ _HARD = 0.3
 _SOFT_ANGLE, _HARD_ANGLE = 25.0, 50.0
 _FLAT = 3.0  # weight of an edge within a plane: chosen by the seams of plates with holes
 
-# Rays per vertex, every how many vertices cast rays, and how many do at most. In each round, all
-# vertices are averaged with their neighbors.
-_RAYS, _STRIDE, _MOST = 8, 4, 8192
-_ROUNDS = 4
-# Rays start this far above the surface, in local units.
-_OFFSET = 1e-4
 # Where `hide` is 1, openness, relative to its mean, counts with this power, within these bounds.
 _EXPONENT = 9.0
 _HIDDEN, _OPEN = 0.3, 4.0
@@ -87,7 +78,7 @@ def edge_weights(
     weights[edges[bevels.within]] = _FLAT
     is_worth_length = False
     if hide > 0.0 and len(edges):
-        along = _along(openness(surface), corners)
+        along = _along(surface.openness, corners)
         if joined:
             seen, clarity = _seen(surface, along, soft, hide, plane)
             is_worth_length = clarity > _FRONT or float(np.quantile(along, 0.25)) < _SHADE
@@ -186,35 +177,3 @@ def _turning(points: FloatArray, corners: IntArray) -> tuple[FloatArray, FloatAr
     (xx, yy, zz), (xy, yz, zx) = found[3:6] - means**2, found[6:] - means * np.roll(means, -1, 0)
     squares = xx * yy + yy * zz + zz * xx - xy**2 - yz**2 - zx**2
     return np.ascontiguousarray(means.T), bent, np.sqrt(np.maximum(squares, 0.0))
-
-
-def openness(surface: ChartSurface) -> FloatArray:
-    """(V,) float64: open share of the surroundings, 0 to 1, averaged over neighbors."""
-    corners, solid, _ = surface.joints
-    n = len(surface.points)
-    used = np.unique(corners[solid])
-    step = max(_STRIDE, -(-len(used) // _MOST))
-    chosen = used[::step] if len(used) > _STRIDE**3 else used
-    mesh = Mesh(positions=surface.points, faces=corners[solid])
-    frame = LocalFrame.around(mesh)
-    normals = np.zeros((n, 3))
-    for axis, values in enumerate(face_crosses(surface.points, corners[solid]).T):
-        normals[:, axis] = np.bincount(corners[solid].ravel(), np.repeat(values, 3), minlength=n)
-    lengths = pm.norm(normals[chosen], axis=1)
-    axes = (normals[chosen] / np.where(lengths > 0.0, lengths, 1.0)[:, None]).astype(np.float32)
-    scene = RayScene.build(mesh, frame, compact=True, threads=surface.threads)
-    found = scene.cast_hemispheres(
-        Hemispheres(
-            frame.to_local(surface.points[chosen]), axes, axes, mixed(chosen.astype(np.uint32))
-        ),
-        direction_sets(_RAYS, 1, 128 * _RAYS),
-        OcclusionRange(_OFFSET, np.inf, 0.0),
-    )[:, OPEN]
-    sums, counts = np.zeros(n), np.zeros(n)
-    sums[chosen], counts[chosen] = np.nan_to_num(found, nan=1.0), 1.0
-    tails, heads = corners[solid].ravel(), np.roll(corners[solid], -1, axis=1).ravel()
-    for _ in range(_ROUNDS):
-        for values in (sums, counts):
-            values += np.bincount(tails, values[heads], minlength=n)
-    mean = float(found.mean()) if len(found) else 1.0
-    return np.where(counts > 0.0, sums / np.where(counts > 0.0, counts, 1.0), mean)

@@ -11,7 +11,6 @@ import numpy as np
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.charts import ChartSurface
 from texbake.mapping.atlas.cutting.parts import connected_parts
-from texbake.mapping.atlas.edge_weights import openness
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
@@ -34,7 +33,7 @@ def find_pockets(surface: ChartSurface, weights: FloatArray) -> IntArray:
     corners, solid, opposite = surface.joints
     polygons = np.arange(len(corners)) if surface.polygons is None else surface.polygons
     _, firsts, numbers = np.unique(polygons, return_index=True, return_inverse=True)
-    is_dark = solid & (openness(surface)[corners].mean(axis=1) < _DARK)[firsts][numbers]
+    is_dark = solid & (surface.openness[corners].mean(axis=1) < _DARK)[firsts][numbers]
     pockets = np.zeros(len(corners), dtype=np.int32)
     if not is_dark.any():
         return pockets
