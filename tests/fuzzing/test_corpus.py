@@ -17,7 +17,7 @@ from read_corpus import bounded_memory, fault_of, folder_of, wrong_with_inputs
 from texbake.core import core
 from texbake.errors import TexbakeError
 
-N_BYTES = 25_000  # of mutants of a format; of those that a process of its own reads, a fifth
+N_BYTES = 10_000  # of mutants of a format; of those that a process of its own reads, a fifth
 CHILDREN = ("dae", "3mf", "usd")
 
 
