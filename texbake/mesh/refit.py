@@ -137,7 +137,7 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     freedoms[fit.edges.vertices[fit.edges.n_faces != 2]] = 0
     points, samples = before, fit.samples(before)
     is_exact = samples.is_exact
-    for _ in range(_ROUNDS):
+    for step in range(_ROUNDS):
         moved = points.copy()
         core.fit_vertices(
             samples.corners, samples.shares, samples.targets, samples.weights,
@@ -150,7 +150,8 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
         )
         is_far = after.farthest(len(before)) > allowed
         moved[is_far] = points[is_far]
-        points, samples = moved, fit.samples(moved) if is_far.any() else after
+        is_last = step == _ROUNDS - 1
+        points, samples = moved, after if is_last or not is_far.any() else fit.samples(moved)
     return low.replace(positions=low.positions + grid.length_to_model(points - before))
 
 
