@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from skimage.measure import marching_cubes
 
 from texbake.core import core
 from texbake.mapping.atlas.atlas import make_atlas
@@ -13,6 +14,7 @@ from texbake.mapping.atlas.cutting.body import _Body, flatten_body
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.atlas.flatten import face_energies
+from texbake.mapping.atlas.halves import find_halves
 from texbake.mapping.atlas.joining.necks import divide_at_necks
 from texbake.mapping.atlas.joining.pieces import pieces_of
 from texbake.mapping.corner_uvs import signed_areas
@@ -134,10 +136,43 @@ def test_limbs_are_cut_off_where_they_are_narrow():
     )
     (piece,) = pieces_of(surface, cross, opposite)
     side, weights = math.sqrt(piece.area), edge_weights(surface).weights
-    limbs = divide_at_necks(piece, opposite, weights, least_gain=0.06, side=side)
+    limbs = divide_at_necks([piece], opposite, weights, least_gain=0.06, side=side)
     assert len(limbs) > 1
     assert sum(limb.waste for limb in limbs) < piece.waste
-    assert len(divide_at_necks(piece, opposite, weights, least_gain=99.0, side=side)) == 1
+    assert len(divide_at_necks([piece], opposite, weights, least_gain=99.0, side=side)) == 1
+
+
+def test_a_cut_of_one_half_is_followed_by_its_mirror_image_in_the_other():
+    """Seams on the right are so dear that no cut there pays by itself."""
+    mesh = grid(lambda x, y: abs(x) > 0.1 and (abs(y) < 0.2 or abs(x) < 0.35))  # two letters T
+    surface = surface_of(mesh)
+    opposite = surface.opposite(np.ones(mesh.n_faces, dtype=bool))
+    charts = Charts(
+        faces=mesh.faces,
+        uvs=mesh.positions[:, :2].copy(),
+        chart_ids=np.zeros(mesh.n_vertices, dtype=np.int32),
+    )
+    pieces = pieces_of(surface, charts, opposite)
+    side = math.sqrt(sum(piece.area for piece in pieces))
+    is_right = mesh.positions[mesh.faces].mean(axis=1)[:, 0] > 0.0
+    weights = np.where(is_right, 100.0, 1.0)[:, None] * np.ones(3)
+    plane = MirrorPlane(np.array([1.0, 0.0, 0.0]), 0.0, 0.0)
+
+    def areas(plane):
+        found = divide_at_necks(pieces, opposite, weights, least_gain=0.06, side=side, plane=plane)
+        right = [bool(is_right[piece.face_ids[0]]) for piece in found]
+        return [
+            sorted(
+                piece.area for piece, of_right in zip(found, right, strict=True) if of_right == half
+            )
+            for half in (False, True)
+        ]
+
+    left, right = areas(None)
+    assert len(left) > 1 and len(right) == 1
+    left, right = areas(plane)
+    assert len(left) > 1
+    np.testing.assert_allclose(left, right, rtol=1e-4)  # points are snapped to a grid
 
 
 def test_whole_bodies_cover_each_face_once_and_overlap_nowhere():
@@ -152,6 +187,43 @@ def test_whole_bodies_cover_each_face_once_and_overlap_nowhere():
         assert (signed_areas(corners) > 0.0).all()
         for chart in range(charts.n_charts):
             assert not find_overlaps(corners[ids == chart]).overlapping.any()
+
+
+def body_of_capsules(capsules, n):
+    """A closed surface about capsules, each the ends of its axis and a radius, by a grid of n³."""
+    ticks = np.linspace(-1.2, 1.2, n)
+    points = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1)
+    total = np.zeros((n, n, n))
+    for start, end, radius in capsules:
+        axis = np.subtract(end, start)
+        along = np.clip(((points - start) * axis).sum(axis=-1) / (axis @ axis), 0.0, 1.0)
+        gaps = np.sqrt(((points - start - along[..., None] * axis) ** 2).sum(axis=-1)) - radius
+        total += np.exp(-gaps / 0.06)  # blends them
+    vertices, faces, *_ = marching_cubes(-np.log(total), 0.0)
+    points = ticks[0] + vertices * (ticks[1] - ticks[0])
+    return Mesh(positions=points, faces=faces.astype(np.int32), name="body")
+
+
+_TORSO = ((0.0, -0.5, 0.0), (0.0, 0.3, 0.0), 0.4), ((0.0, 0.75, 0.05), (0.0, 0.8, 0.1), 0.25)
+_WINGS = [((s * 0.35, 0.3, 0.0), (s * 0.65, -0.4, 0.0), 0.1) for s in (-1, 1)]
+_FEET = [((s * 0.2, -0.85, 0.0), (s * 0.2, -1.0, 0.3), 0.12) for s in (-1, 1)]
+_TRUNK = ((0.0, 0.0, -0.6), (0.0, 0.0, 0.5), 0.3), ((0.0, 0.35, 0.75), (0.0, 0.3, 0.95), 0.2)
+_LEGS = [((s * 0.2, -0.1, z), (s * 0.22, -0.9, z), 0.11) for s in (-1, 1) for z in (-0.55, 0.45)]
+
+
+@pytest.mark.parametrize(
+    "capsules", [[*_TORSO, *_WINGS, *_FEET], [*_TRUNK, *_LEGS]], ids=["bird", "quadruped"]
+)
+def test_parts_of_bodies_are_joined_again_without_splinters_or_crushed_faces(capsules):
+    mesh = body_of_capsules(capsules, 28)
+    surface = surface_of(mesh)
+    halves = find_halves(surface)
+    weights = edge_weights(surface, hide=0.5, plane=halves.plane).weights
+    for charts in whole_bodies(surface, cut_charts(mesh, surface), weights, halves):
+        corners, uvs = surface.points[surface.faces], charts.uvs[charts.faces]
+        assert charts.n_charts <= 3
+        assert np.bincount(charts.chart_ids[charts.faces[:, 0]]).min() > 0.02 * mesh.n_faces
+        assert face_energies(corners, uvs).max() < 5.0
 
 
 @pytest.mark.parametrize("mesh", [icosphere(3), torus(24, 12)], ids=["sphere", "torus"])

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from texbake.mapping.atlas.flatten import face_energies, relax_charts
 from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.necks import divide_at_necks
-from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of
+from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, pieces_of
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.atlas.mirrored_charts import find_counterparts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
@@ -34,8 +33,9 @@ from texbake.parallel import run_bands
 _LEAST_FACES, _MOST_FACES, _LEAST_SHARE = 100, 100_000, 0.02
 # Most energy of a body as one chart, as a multiple of the minimum; other bodies are cut otherwise.
 _MOST_ENERGY = 1.3
-# Bounds on the stretch and empty area of charts that split-off faces join: almost none.
-_MOST_L2, _ANY_WASTE = 1.5, 1e6
+# What joining parts of bodies again may add to the mean of L2² and to the empty area, as a share of
+# the area of the mesh; and most of the area for a joined part.
+_MORE_EXCESS, _MORE_WASTE, _JOINED_SHARE = 0.03, 0.02, 0.25
 # Least empty area that cutting off a limb saves, by candidate, in units of the length of the cut
 # times the side of a square as large as the mesh.
 _GAINS = (0.25, 0.12, 0.06, 0.03)
@@ -166,42 +166,48 @@ def _cut_off(
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
     side = math.sqrt(math.fsum(piece.area for piece in pieces))
-    pairs = None if halves is None else partial(find_counterparts, surface=surface, halves=halves)
+    plane = None if halves is None else halves.plane
     found: list[Charts] = []
     for gain in _GAINS:
         n_before = len(pieces)
-        pieces = [
-            part
-            for piece in pieces
-            for part in divide_at_necks(
-                piece,
-                opposite,
-                weights,
-                least_gain=gain,
-                side=side,
-                plane=_plane_of(piece.points[piece.faces], halves),
-            )
-        ]
+        pieces = divide_at_necks(pieces, opposite, weights, least_gain=gain, side=side, plane=plane)
         if not found or len(pieces) > n_before:
-            relaxed = relax_charts(surface, charts_of(pieces, charts))
-            straight = straighten_charts(
-                surface, relaxed, weights, halves=halves, find_counterparts=pairs
-            )
-            found.append(_repaired(surface, straight))
+            found.append(_joined_again(surface, charts_of(pieces, charts), weights, halves))
     return found
 
 
-def _repaired(surface: ChartSurface, charts: Charts) -> Charts:
-    """Split off faces that overlap others, and join them to other charts."""
+def _joined_again(
+    surface: ChartSurface, charts: Charts, weights: FloatArray, halves: Halves | None
+) -> Charts:
+    """Charts relaxed and without overlaps, joined at edges other than those cut, straightened."""
+
+    def pairs(pieces: list[ChartPiece]) -> dict[int, int]:
+        return {} if halves is None else find_counterparts(pieces, surface=surface, halves=halves)
+
+    charts = _parted(surface, relax_charts(surface, charts))
+    if charts.n_charts > 1:
+        pieces = pieces_of(surface, charts, surface.opposite(charts.solid))
+        area = math.fsum(piece.area for piece in pieces)
+        excess, waste = (
+            math.fsum(getattr(piece, name) for piece in pieces) / area
+            for name in ("excess", "waste")
+        )
+        charts = join_charts(
+            surface,
+            charts,
+            weights=weights,
+            most_l2=math.sqrt(1.0 + excess + _MORE_EXCESS),
+            most_share=_JOINED_SHARE,
+            most_waste=waste + _MORE_WASTE,
+            find_counterparts=pairs,
+        )
+    straight = straighten_charts(surface, charts, weights, halves=halves, find_counterparts=pairs)
+    return _parted(surface, straight)
+
+
+def _parted(surface: ChartSurface, charts: Charts) -> Charts:
+    """Charts whose faces that overlap others of their chart are split off."""
     solid = np.flatnonzero(charts.solid).astype(np.int32)
     corners = surface.points[surface.faces[solid]]
-    repaired = repair_charts(corners, charts.faces[solid], charts.uvs, charts.chart_ids, even=False)
-    if repaired is None:
-        return charts
-    gathered = gather_charts(surface.faces, [(solid, repaired)])
-    if gathered.n_charts == charts.n_charts:
-        return gathered
-    # Faces that were split off join a chart at another edge.
-    return join_charts(
-        surface, gathered, most_l2=_MOST_L2, most_share=_LEAST_SHARE, most_waste=_ANY_WASTE
-    )
+    parted = repair_charts(corners, charts.faces[solid], charts.uvs, charts.chart_ids, even=False)
+    return charts if parted is None else gather_charts(surface.faces, [(solid, parted)])

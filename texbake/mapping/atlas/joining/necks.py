@@ -30,13 +30,13 @@ _LEAST_SHARE = 0.03  # least area of a limb, as a share of the body
 _MOST_TRIED, _MOST_FACES = 8, 100_000
 _MOST_PARTS = 32
 # Distances in steps of a cut: of its mirror image, below which they are one cut; and of the image's
-# ends from the border of a piece that it cuts.
-_SAME_PATH, _NEAR_IMAGE = 2.0, 2.0
+# ends from the border of a piece that it cuts, which may also be a share of the length of the cut.
+_SAME_PATH, _NEAR_IMAGE, _NEAR_SHARE = 2.0, 2.0, 0.05
 _LEAST_OVERLAP = 1e-3  # of the area of the body; smaller overlaps are repaired later
 
 
 def divide_at_necks(
-    piece: ChartPiece,
+    pieces: list[ChartPiece],
     opposite: IntArray,
     weights: FloatArray,
     *,
@@ -44,25 +44,25 @@ def divide_at_necks(
     side: float,
     plane: MirrorPlane | None = None,
 ) -> list[ChartPiece]:
-    """Divide a piece until it does not overlap and no neck gains enough.
+    """Divide pieces until none overlaps itself and no neck gains enough.
 
     `weights` (F, 3): cost of a seam for each unit of length; `least_gain`: empty area saved, in
     units of `side` times the length of the cut, or its cost if that is more; `plane`: cuts are
     followed by their mirror images.
     """
-    done: list[ChartPiece] = []
-    left = [piece]
+    most = len(pieces) + _MOST_PARTS
+    done, left = [], list(pieces)
     while left:
         piece = left.pop()
         parts: list[ChartPiece] = []
-        if len(done) + len(left) < _MOST_PARTS:
+        if len(done) + len(left) < most:
             parts, path = _divided(piece, opposite, weights, least_gain, side)
-        if parts and plane is not None:
-            left = _with_image_cut([*left, *parts], opposite, weights, plane, path)
-        elif parts:
-            left += parts
-        else:
+        if not parts:
             done.append(piece)
+            continue
+        left += parts
+        if plane is not None:
+            _cut_image(left, done, opposite, weights, plane, path)
     return done
 
 
@@ -98,30 +98,34 @@ def _divided(
     return [], none
 
 
-def _with_image_cut(
-    pieces: list[ChartPiece],
+def _cut_image(
+    left: list[ChartPiece],
+    done: list[ChartPiece],
     opposite: IntArray,
     weights: FloatArray,
     plane: MirrorPlane,
     path: FloatArray,
-) -> list[ChartPiece]:
-    """Pieces, of which one is cut along the mirror image of a path (k, 3) if it contains that."""
+) -> None:
+    """Cut the piece that contains the mirror image of a path (k, 3), if one does, in place."""
     images = plane.mirrored(path)
-    step = float(pm.norm(path[1:] - path[:-1], axis=1).mean())
+    steps = pm.norm(path[1:] - path[:-1], axis=1)
+    step = float(steps.mean())
     apart = np.abs(images[:, None] - path).max(axis=2).min(axis=1)
     if apart.max() <= _SAME_PATH * step:
-        return pieces
-    for number, piece in enumerate(pieces):
-        rim = np.unique(piece.border_ends)
-        gaps = [pm.norm(piece.points[rim] - end, axis=1) for end in (images[0], images[-1])]
-        starts, ends = (rim[gap <= gap.min() + 1e-9 * step] for gap in gaps)
-        if max(float(gap.min()) for gap in gaps) > _NEAR_IMAGE * step:
-            continue
-        found = _PieceGraph(piece, weights).sides_near(starts, ends, path, plane)
-        if found is not None:
-            parts = parts_of(piece, found, opposite)
-            return [*pieces[:number], *parts, *pieces[number + 1 :]]
-    return pieces
+        return
+    most = max(_NEAR_IMAGE * step, _NEAR_SHARE * float(steps.sum()))
+    for pieces in (left, done):
+        for number, piece in enumerate(pieces):
+            rim = np.unique(piece.border_ends)
+            gaps = [pm.norm(piece.points[rim] - end, axis=1) for end in (images[0], images[-1])]
+            if max(float(gap.min()) for gap in gaps) > most:
+                continue
+            starts, ends = (rim[gap <= gap.min() + 1e-9 * step] for gap in gaps)
+            sides = _PieceGraph(piece, weights).sides_near(starts, ends, path, plane)
+            if sides is not None:
+                del pieces[number]
+                left += parts_of(piece, sides, opposite)
+                return
 
 
 def _cuts(
