@@ -51,7 +51,7 @@ def divide_at_necks(
     followed by their mirror images.
     """
     most = len(pieces) + _MOST_PARTS
-    done, left = [], list(pieces)
+    left, done = list(pieces), list[ChartPiece]()
     while left:
         piece = left.pop()
         parts: list[ChartPiece] = []
