@@ -127,6 +127,20 @@ def test_the_stretch_of_the_mesh_keeps_its_bound(most_l2):
     assert (found.n_charts < 8) == (most_l2 > 1.0)
 
 
+def test_charts_may_stretch_more_to_remove_a_costly_seam():
+    mesh = icosphere(3)
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    own = centers[:, 2] > 0.8
+    cap = Mesh(positions=mesh.positions, faces=mesh.faces[own])
+    charts = charts_by(centers[own, 0] > 0.0, cap)
+    whole = charts_by(np.zeros(cap.n_faces), cap)
+    most_l2 = (checked(cap, charts).stretch.l2 + checked(cap, whole).stretch.l2) / 2.0
+    for weight, n_charts in ((1.0, 2), (3.0, 1)):
+        weights = np.full((cap.n_faces, 3), weight)
+        found = join_charts(surface(cap), charts, weights=weights, most_l2=most_l2, most_share=1.0)
+        assert found.n_charts == n_charts
+
+
 def test_a_chart_keeps_its_own_bound():
     mesh = icosphere(3)
     charts = charts_by(octants(mesh), mesh)

@@ -7,7 +7,11 @@ from texbake.mapping.atlas.choice import whole_bodies
 from texbake.mapping.atlas.cutting.cut import cut_charts, surface_of
 from texbake.mapping.atlas.cutting.pockets import close_mouths, find_pockets
 from texbake.mapping.atlas.edge_weights import edge_weights
+from texbake.mapping.atlas.joining.join import join_charts
+from texbake.mapping.atlas.source import ChartSource
+from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.mesh import Mesh
+from texbake.progress import Stages
 
 N_AROUND = 32
 
@@ -67,6 +71,24 @@ def test_a_pocket_and_the_surface_around_it_are_charts_of_their_own():
     owners = charts.chart_ids[charts.faces[:, 0]]
     assert not set(owners[pockets == 0]) & set(owners[pockets == 1])
     assert len(set(owners[pockets == 1])) == 1
+
+
+def test_charts_of_a_pocket_are_not_joined_to_those_around_it():
+    mesh = vase(0.25, 1.2)
+    source = ChartSource.of_mesh(mesh, UnwrapOptions(hide_seams=1.0), Stages(None))
+    charts = cut_charts(mesh, source.apart, weights=source.weights)
+    bounds = {"most_l2": 9.0, "most_chart_l2": 9.0, "most_share": 1.0, "most_waste": np.inf}
+    for surface, is_apart in ((source.apart_as(charts), True), (source.surface, False)):
+        joined = join_charts(surface, charts, **bounds)
+        owners = joined.chart_ids[joined.faces[:, 0]]
+        inside, outside = owners[source.pockets > 0], owners[source.pockets == 0]
+        assert set(inside).isdisjoint(outside) == is_apart
+
+
+@pytest.mark.parametrize("options", [{"quality": "fast"}, {"hide_seams": 0.0}])
+def test_pockets_stay_where_charts_are_not_joined_and_where_seams_are_to_be_short(options):
+    source = ChartSource.of_mesh(vase(0.25, 1.2), UnwrapOptions(**options), Stages(None))
+    assert source.pockets is None and source.apart is source.surface
 
 
 def test_closed_mouths_leave_no_border_and_keep_the_vertices_together():

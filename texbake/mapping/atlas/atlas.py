@@ -57,16 +57,15 @@ from texbake.records import dataclass
 
 # Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
 # more than a factor of `_GOOD_ROOM`, or to `_GOOD_LEAST`, which nobody sees.
-_GOOD_LEAST, _GOOD_STRETCH = 1.005, 1.03
-_GOOD_ROOM = 1.5
-_HALVES_ROOM = 2.5  # the same for charts of halves, which are smaller before they are joined
+_GOOD_LEAST, _GOOD_STRETCH = 1.01, 1.03
+_GOOD_ROOM, _HALVES_ROOM = 1.5, 2.5  # charts of halves are smaller before they are joined
 _BEST_STRETCH = 1.09
 # Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
 # set the scale of all others: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
 _JOIN_WORK = {"good": 300, "best": 1000}
-# By default, `good` hides no seams if its first charts then have borders this many times as long.
+# By default, `good` joins charts whose seams are not hidden if borders else get this much longer.
 _HIDDEN_LENGTH = 1.05
 # If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
 _CLEARLY_BETTER = 0.7
@@ -293,12 +292,12 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
         halves = None
     charts: Charts | None = None
     if halves is not None and _may_lie_flat(surface):
-        charts = _cut(source, options)
+        charts = _cut(source, source.weights, options)
         # Where no chart meets another, there is no border that a mirror image could differ from.
         if charts.n_charts == face_components(surface.corners, len(surface.points))[1]:
             halves = None
     if charts is None or halves is not None:
-        source, charts = _cut_either_way(source, options, halves)
+        charts = _cut_either_way(source, options, halves)
     if options.quality != "fast":
         charts = _improved(source, charts, options, halves)
     charts = _bounded(source, charts, options)
@@ -316,20 +315,22 @@ def _may_lie_flat(surface: ChartSurface) -> bool:
 
 def _cut_either_way(
     source: ChartSource, options: UnwrapOptions, halves: Halves | None = None
-) -> tuple[ChartSource, Charts]:
-    """The charts of `_cut` and their source, whose seams are hidden unless that costs too much."""
-    charts, plain = _cut(source, options, halves), source.plain
+) -> Charts:
+    """The charts of `_cut`, whose seams are hidden unless that makes them much longer."""
+    charts, plain = _cut(source, source.weights, options, halves), source.plain_weights
     if options.quality != "good" or plain is None:
-        return source, charts
+        return charts
+    others = _cut(source, plain, options, halves)
     surface = source.surface if halves is None else half_surface(source.surface, halves)
-    others = _cut(plain, options, halves)
     lengths = [border_length(surface, each) for each in (charts, others)]
-    return (plain, others) if lengths[0] > _HIDDEN_LENGTH * lengths[1] else (source, charts)
+    return others if lengths[0] > _HIDDEN_LENGTH * lengths[1] else charts
 
 
-def _cut(source: ChartSource, options: UnwrapOptions, halves: Halves | None = None) -> Charts:
-    """Charts of a mesh before they are joined; only of `half_faces` if there are halves."""
-    mesh, surface, weights, area = source.mesh, source.surface, source.weights, source.surface.area
+def _cut(
+    source: ChartSource, weights: FloatArray, options: UnwrapOptions, halves: Halves | None = None
+) -> Charts:
+    """Charts before they are joined, by weights (F, 3); of `half_faces` if there are halves."""
+    mesh, surface, area = source.mesh, source.apart, source.surface.area
     if halves is not None:
         area = area or float(surface_areas(surface.points[surface.faces]).sum())
         surface, weights = half_surface(surface, halves), weights[half_faces(halves)]
@@ -350,7 +351,7 @@ def _cut(source: ChartSource, options: UnwrapOptions, halves: Halves | None = No
 def _stacked_charts(source: ChartSource, halves: Halves, options: UnwrapOptions) -> Charts:
     """Cut one half of a mesh, and lay the other on it."""
     half = source.part(half_surface(source.surface, halves))
-    half, charts = _cut_either_way(half, options)
+    charts = _cut_either_way(half, options)
     if options.quality != "fast":
         charts = _improved(half, charts, options)
     return stacked_charts(halves, _bounded(half, charts, options), source.mesh)
@@ -384,7 +385,7 @@ def _improved(
     pairs = None if halves is None else partial(find_counterparts, surface=surface, halves=halves)
     with stages.stage("join charts"):
         charts = join_charts(
-            surface,
+            source.apart_as(charts),
             charts,
             weights=weights,
             most_l2=allowed,

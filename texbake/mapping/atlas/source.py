@@ -5,13 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property
 
-from texbake.mapping.atlas.charts import ChartSurface, mesh_of
+import numpy as np
+
+from texbake.mapping.atlas.charts import Charts, ChartSurface, mesh_of
 from texbake.mapping.atlas.cutting.cut import surface_of
+from texbake.mapping.atlas.cutting.pockets import find_pockets
 from texbake.mapping.atlas.edge_weights import EdgeWeights, edge_weights
 from texbake.mapping.atlas.halves import Halves, find_halves
+from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.options import UnwrapOptions
 from texbake.mapping.seams import regions_between
-from texbake.mesh.mesh import BoolArray, FloatArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
 from texbake.records import dataclass
@@ -88,11 +92,48 @@ class ChartSource:
         with self.stages.stage("weigh edges"):
             return edge_weights(self.surface, hide=hide, joined=self.joined, plane=plane)
 
+    @cached_property
+    def pockets(self) -> IntArray | None:
+        """(F,) the pocket of each face, see `find_pockets`; None if there is none."""
+        if not self.joined or self.hide_seams == 0.0:
+            return None
+        found = find_pockets(self.surface, self.weights)
+        return found if found.any() else None
+
+    @cached_property
+    def apart(self) -> ChartSurface:
+        """The surface, with its pockets as regions."""
+        return self._with_regions(self.pockets)
+
+    def apart_as(self, charts: Charts) -> ChartSurface:
+        """The surface, with charts that are mostly in a pocket as regions."""
+        if self.pockets is None:
+            return self.surface
+        areas = surface_areas(self.surface.points[self.surface.faces])
+        owners, n = (
+            charts.chart_ids[charts.faces[:, 0]].astype(np.int64),
+            int(self.pockets.max()) + 1,
+        )
+        sums = np.bincount(owners * n + self.pockets, areas * charts.solid, charts.n_charts * n)
+        return self._with_regions(sums.reshape(-1, n).argmax(axis=1)[owners])
+
+    def _with_regions(self, labels: IntArray | None) -> ChartSurface:
+        surface = self.surface
+        if labels is None:
+            return surface
+        keys = labels.astype(np.int64)
+        if surface.regions is not None:
+            keys += surface.regions.astype(np.int64) * (int(labels.max()) + 1)
+        return replace(surface, regions=np.unique(keys, return_inverse=True)[1].astype(np.int32))
+
     @property
-    def plain(self) -> ChartSource | None:
-        """The same without hidden seams; None if the user wants them, or they are worth it."""
+    def plain_weights(self) -> FloatArray | None:
+        """The costs without hidden seams; None if the user wants them, or they are worth it."""
         is_fixed = self.hide_seams is not None or self._edge_weights.is_worth_length
-        return None if is_fixed else replace(self, hide_seams=0.0)
+        if is_fixed:
+            return None
+        with self.stages.stage("weigh edges"):
+            return edge_weights(self.surface).weights
 
     @cached_property
     def halves(self) -> Halves | None:

@@ -15,14 +15,13 @@ from typing import TypeAlias
 import numpy as np
 
 from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
-from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge, relax_merge
+from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, find_merge
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
-# A chart in the middle may be larger by this factor: two halves would need one more seam. It may be
-# larger still where that seam would be costly, as down the front.
-_MIDDLE, _MIDDLE_IN_FRONT = 2.5, 5.0
-_COSTLY, _MOST_WEIGHT = 2.0, 16.0  # in units of the mean weight of an edge
+# A chart in the middle may be larger by this factor: two halves would need one more seam.
+_MIDDLE = 5.0
+_MOST_WEIGHT = 16.0  # of an edge, in units of the mean
 # Factor on the cost of joining a piece and its counterpart, whose seam would run down the middle.
 _PAIR_COST = 0.3
 
@@ -82,13 +81,10 @@ def find_planned_merge(
 ) -> ChartMerge | None:
     """Flatten the unions of a plan; None if one of the joins is impossible."""
     if plan.counterpart == "self":
-        is_costly = (
-            _seam_cost([pieces[index] for index in plan.members], opposite, weights) >= _COSTLY
-        )
-        factor = _MIDDLE_IN_FRONT if is_costly else _MIDDLE
-        scale = replace(scale, chart_area=factor * scale.chart_area)
+        scale = replace(scale, chart_area=_MIDDLE * scale.chart_area)
     merges: list[ChartMerge] = []
     unions = []
+    seams: list[float] = []  # their mean weights
     for group in plan.groups:
         piece = pieces[group[0]]
         for index in group[1:]:
@@ -98,6 +94,7 @@ def find_planned_merge(
             if merge is None:
                 return None
             merges.append(merge)
+            seams.append(_mean_weight(piece, pieces[index], opposite, weights))
             piece = merge.unions[0]
         unions.append(piece)
     return ChartMerge(
@@ -106,13 +103,17 @@ def find_planned_merge(
         waste=sum(merge.waste for merge in merges),
         share=sum(merge.share for merge in merges),
         factor=_PAIR_COST if len(merges) == 1 and plan.counterpart == "self" else 1.0,
+        weight=max(sum(seams) / len(seams), 1.0),
     )
 
 
-def _seam_cost(pieces: list[ChartPiece], opposite: IntArray, weights: FloatArray) -> float:
-    """Mean weight of the edges at which pieces meet."""
-    borders = np.concatenate([piece.border for piece in pieces])
-    met = borders[np.isin(opposite[borders], borders)]
+def _mean_weight(
+    one: ChartPiece, other: ChartPiece, opposite: IntArray, weights: FloatArray
+) -> float:
+    """Mean weight of the edges at which two pieces meet."""
+    across = opposite[one.border]
+    at = np.minimum(np.searchsorted(other.border, across), len(other.border) - 1)
+    met = one.border[other.border[at] == across]
     return float(np.minimum(weights[met], _MOST_WEIGHT).mean()) if len(met) else 0.0
 
 
@@ -120,9 +121,6 @@ def relax_planned_merge(
     merge: ChartMerge, pieces: Mapping[int, ChartPiece], plan: JoinPlan, *, n_iterations: int
 ) -> ChartMerge | None:
     """Improve the layout of a merge; None if it then has flips or overlaps."""
-    if len(plan.members) == 2 and plan.counterpart != "self":
-        one, other = plan.members
-        return relax_merge(merge, pieces[one], pieces[other], n_iterations=n_iterations)
     unions = []
     for piece in merge.unions:
         relaxed = relax_piece(piece, n_iterations=n_iterations)

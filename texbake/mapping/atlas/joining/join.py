@@ -4,7 +4,8 @@ All pairs of charts that meet are candidates. Each candidate is actually flatten
 and fully when it is next in line, and the cheapest is joined. The cost is the added stretch plus
 the area that a chart leaves empty in its convex hull, since spread-out shapes pack badly, divided
 by the share of its outline that the smaller chart loses, so that charts become round rather than
-long. After a join, the costs of its neighbors are computed when they are next in line.
+long. Where the seam that goes is costly, cost and added stretch count that much less. After a join,
+the costs of its neighbors are computed when they are next in line.
 
 Based on: P. Sander, J. Snyder, S. Gortler, H. Hoppe, "Texture mapping progressive meshes", 2001
 (charts made by merging, in the order of their costs); M. Minoux, "Accelerated greedy algorithms
@@ -211,7 +212,7 @@ class _Joining:
                 continue
             assert candidate.merge is not None
             if self._room().covers(candidate.merge):
-                self._join(candidate, candidate.merge.unions)
+                self._join(candidate.plan, candidate.merge)
                 joined = True
             else:
                 self._waiting.append(candidate)
@@ -281,19 +282,16 @@ class _Joining:
         owners = np.unique(self._owners[across[across >= 0] // 3])
         return [int(owner) for owner in owners if owner != index]
 
-    def _join(self, candidate: _Candidate, unions: Sequence[ChartPiece]) -> None:
+    def _join(self, plan: JoinPlan, merge: ChartMerge) -> None:
         """Replace pieces by their unions, whose candidates begin with the costs of the pieces."""
-        plan = candidate.plan
+        unions = merge.unions
         known = [self._costs.pop(gone) for gone in plan.members]
-        before = [self.pieces.pop(gone) for gone in plan.members]
+        for gone in plan.members:
+            del self.pieces[gone]
         indices = list(range(self._next_index, self._next_index + len(unions)))
         self._next_index += len(unions)
-        excess, waste = sum(piece.excess for piece in unions), sum(piece.waste for piece in unions)
-        for piece in before:
-            excess -= piece.excess
-            waste -= piece.waste
-        self._excess += excess
-        self._waste += waste
+        self._excess += merge.excess / merge.weight
+        self._waste += merge.waste
         for index, piece in zip(indices, unions, strict=True):
             self.pieces[index] = piece
             self._owners[piece.face_ids] = index

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import core
-from texbake.mapping.atlas.joining.pieces import ChartPiece, relax_piece
+from texbake.mapping.atlas.joining.pieces import ChartPiece
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
@@ -36,7 +36,7 @@ class MergeTolerance:
     def covers(self, merge: ChartMerge) -> bool:
         """Whether a merge is allowed; one that makes nothing worse always is."""
         return (
-            merge.excess <= max(self.excess, 0.0)
+            merge.excess / merge.weight <= max(self.excess, 0.0)
             and merge.waste <= max(self.waste, 0.0)
             and merge.l2 <= self.chart_l2
         )
@@ -60,6 +60,9 @@ class ChartMerge:
     waste: float
     share: float  # weighted length along which they are stitched, in lengths of the shorter border
     factor: float = 1.0  # on the cost
+    # Mean cost of the seam that goes, for its length, or 1 if that is more; stretch counts as much
+    # less.
+    weight: float = 1.0
 
     @property
     def l2(self) -> float:
@@ -70,7 +73,7 @@ class ChartMerge:
         """Share of the allowance that the merge uses, divided by the share that is stitched."""
         excess = max(self.excess, 0.0) / scale.excess if scale.excess > 0.0 else 0.0
         waste = max(self.waste, 0.0) / scale.waste if scale.waste > 0.0 else 0.0
-        return self.factor * ((excess + waste + _LEAST_COST) / self.share)
+        return (self.factor / self.weight) * ((excess + waste + _LEAST_COST) / self.share)
 
 
 def find_merge(
@@ -121,18 +124,6 @@ def find_merge(
         hull_area=hull,
         length=length,
     )
-    return _chart_merge(piece, one, other, share)
-
-
-def relax_merge(
-    merge: ChartMerge, one: ChartPiece, other: ChartPiece, *, n_iterations: int
-) -> ChartMerge | None:
-    """Improve the layout of a merge; None if it then has flips or overlaps."""
-    piece = relax_piece(merge.unions[0], n_iterations=n_iterations)
-    return None if piece is None else _chart_merge(piece, one, other, merge.share)
-
-
-def _chart_merge(piece: ChartPiece, one: ChartPiece, other: ChartPiece, share: float) -> ChartMerge:
     return ChartMerge(
         unions=(piece,),
         excess=piece.excess - one.excess - other.excess,
