@@ -110,10 +110,8 @@ class ChartSource:
         if self.pockets is None:
             return self.surface
         areas = surface_areas(self.surface.points[self.surface.faces])
-        owners, n = (
-            charts.chart_ids[charts.faces[:, 0]].astype(np.int64),
-            int(self.pockets.max()) + 1,
-        )
+        owners = charts.chart_ids[charts.faces[:, 0]].astype(np.int64)
+        n = int(self.pockets.max()) + 1
         sums = np.bincount(owners * n + self.pockets, areas * charts.solid, charts.n_charts * n)
         return self._with_regions(sums.reshape(-1, n).argmax(axis=1)[owners])
 

@@ -33,8 +33,10 @@ def find_pockets(surface: ChartSurface, weights: FloatArray) -> IntArray:
     corners, solid, opposite = surface.joints
     polygons = np.arange(len(corners)) if surface.polygons is None else surface.polygons
     _, firsts, numbers = np.unique(polygons, return_index=True, return_inverse=True)
-    is_dark = solid & (surface.openness[corners].mean(axis=1) < _DARK)[firsts][numbers]
     pockets = np.zeros(len(corners), dtype=np.int32)
+    if not solid.any():
+        return pockets
+    is_dark = solid & (surface.openness[corners].mean(axis=1) < _DARK)[firsts][numbers]
     if not is_dark.any():
         return pockets
     areas = surface_areas(surface.points[corners])
