@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.glb import GltfFile
 from texbake.errors import FileError
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
@@ -22,7 +23,7 @@ from texbake.mesh.options import RepairOptions, SimplifyOptions, TransformOption
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.texture.image import write_image
 from texbake.texture.material_images import components_of, image_codes
-from texbake.verbs.meshes import repair_file, transform_file
+from texbake.verbs.meshes import convert_file, repair_file, transform_file
 from texbake.verbs.simplify import simplify_file, simplify_levels
 from texbake.verbs.unwrap import unwrap_files
 from texbake.verbs.whole_jobs import lighten_file
@@ -282,3 +283,23 @@ def test_unwrap_does_not_write_over_the_mtl_file_of_images(ball, tmp_path):
     assert (tmp_path / "low.mtl").read_bytes() == before
     assert done.files == (tmp_path / "low.obj",)
     assert "low.obj: written without materials" in done.warnings[0]
+
+
+def test_gltf_without_materials_keeps_the_default_material(tmp_path):
+    file, ball = GltfFile(), uv_sphere(24, 48)
+    arrays = {"POSITION": file.accessor(ball.positions), "NORMAL": file.accessor(ball.positions)}
+    file.mesh({"attributes": arrays, "indices": file.accessor(ball.faces.reshape(-1, 1), "I")})
+    bare, made = file.write(tmp_path / "ball.glb"), tmp_path / "made.glb"
+    for write in (
+        lambda: convert_file(bare, made, TransformOptions(), progress=None),
+        lambda: simplify_file(bare, made, SimplifyOptions(n_faces=300)),
+        lambda: lighten_file(bare, made, LightenOptions(n_faces=3000, views=0)),
+    ):
+        write()
+        (material,) = materials_of(made).materials
+        assert all(material.channels[name].factor == (1.0,) for name in ("metallic", "roughness"))
+    write_mesh(ball, tmp_path / "ball.obj")
+    # The default of glTF is not that of other formats.
+    convert_file(tmp_path / "ball.obj", made, TransformOptions(), progress=None)
+    (material,) = materials_of(made).materials
+    assert material.channels["metallic"].factor == (0.0,)

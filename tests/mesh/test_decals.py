@@ -5,7 +5,7 @@ import pytest
 
 from tests.models import joined
 from texbake.mesh.compose import excerpt
-from texbake.mesh.decals import decals_raised
+from texbake.mesh.decals import Decals
 from texbake.mesh.distance import sample_points
 from texbake.mesh.objects import joined_objects
 from texbake.mesh.options import QUALITIES
@@ -33,9 +33,8 @@ def test_labels_stay_on_their_side_of_a_ball(height, quality, are_enlarged):
     enlarged = EnlargedParts.of(mesh)
     assert enlarged.mesh is not mesh
     source = enlarged.mesh if are_enlarged else mesh
-    low, report = simplify_with_report(source, mesh.n_faces // 40, quality=quality)
-    if are_enlarged:
-        low, _ = enlarged.restored(low, report)
+    parts = enlarged if are_enlarged else None
+    low, _ = simplify_with_report(source, mesh.n_faces // 40, quality=quality, parts=parts)
     parts, n_parts = face_components(low.faces, low.n_vertices)
     assert n_parts == 3
     ball = parts == np.argmax(np.bincount(parts))
@@ -58,7 +57,7 @@ def test_a_label_on_a_label_lies_above_it_whichever_comes_first():
 
     mesh = joined_objects(joined(cap(0.95, 1.01, 5), cap(0.7, 1.005, 5), icosphere(5)))
     low = joined_objects(joined(cap(0.95, 0.99, 5), cap(0.7, 0.985, 5), icosphere(5)))
-    raised = decals_raised(mesh, low)
+    raised = Decals(mesh).raised(low)
     parts, _ = face_components(raised.faces, raised.n_vertices)
     radii = [np.linalg.norm(raised.positions[raised.faces[parts == i]], axis=-1) for i in (0, 1, 2)]
     assert radii[0].min() > radii[1].max() > radii[1].min() > 1.002

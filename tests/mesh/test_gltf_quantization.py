@@ -198,3 +198,53 @@ def test_glass_of_one_material_stays_as_thick_in_nodes_of_other_scales(path, sph
         glass = content["materials"][mesh["primitives"][0]["material"]]
         made = glass["extensions"]["KHR_materials_volume"]["thicknessFactor"]
         assert made * node["matrix"][0] == pytest.approx(0.5, rel=1e-9)
+
+
+def in_order(mesh):
+    """Corners (F, 3, 12) of a mesh, whatever the order of its faces and of the corners of each."""
+    corners = np.concatenate(
+        [
+            mesh.positions[mesh.faces],
+            mesh.corner_uvs(),
+            mesh.normals[mesh.normal_faces],
+            mesh.tangents,
+        ],
+        axis=2,
+    )
+    first = np.array([np.lexsort(face[:, :3].T)[0] for face in corners])
+    turned = (first[:, None] + np.arange(3)) % 3
+    corners = np.take_along_axis(corners, turned[:, :, None], axis=1)
+    return corners[np.lexsort(corners[:, :, :3].reshape(len(corners), 9).T)]
+
+
+@pytest.mark.usefixtures("meshoptimizer")
+@pytest.mark.parametrize("repeats", [1.0, 40.0])
+def test_coarse_coordinates_and_normals_take_fewer_bytes_and_stay_close(path, png, repeats):
+    ball = uv_sphere(24, 40)
+    placing = ((repeats, 0.0, 0.0), (0.0, 1.0, 0.0))
+    images = {"base-color": placed_image(png, placing).channels["base-color"]}
+    images["normal"] = ChannelSource((1.0, 1.0, 1.0), ChannelImage(data=png, placing=placing))
+    material = MeshMaterial(name="m", channels=images)
+    materials = Materials(face_materials=np.zeros(ball.n_faces, np.int32), materials=(material,))
+    sizes, corners, places = [], [], []
+    for is_coarse in (False, True):
+        write_glb(ball, path, materials=materials, compress=True, is_coarse=is_coarse)
+        back = read_gltf(path)
+        image = read_gltf_materials(path, back).materials[0].channels["base-color"].image
+        corners.append(in_order(back))
+        rows = np.array(image.placing)
+        places.append(corners[-1][..., 3:5] @ rows[:, :2].T + rows[:, 2])
+        sizes.append(path.stat().st_size)
+    assert sizes[1] < 0.95 * sizes[0]
+    fine, coarse = corners
+    np.testing.assert_array_equal(fine[..., :3], coarse[..., :3])
+    # Half a step of a 4,096th of an image, or of a 1,024th where it repeats, and of a fine step.
+    assert 1e-5 < np.abs(places[0] - places[1]).max() < 0.51 * min(repeats, 4.0) / 4096
+    for directions in (np.s_[..., 5:8], np.s_[..., 8:11]):
+        cosines = (fine[directions] * coarse[directions]).sum(axis=-1)
+        lengths = (np.linalg.norm(each[directions], axis=-1) for each in (fine, coarse))
+        assert (
+            np.degrees(np.arccos(np.clip(cosines / np.prod(list(lengths), axis=0), -1, 1))).max()
+            < 1.5
+        )
+    np.testing.assert_array_equal(fine[..., 11], coarse[..., 11])

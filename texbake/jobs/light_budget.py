@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -27,6 +27,7 @@ from texbake.jobs.light_models import LightModel, Source
 from texbake.mesh.materials import Materials
 from texbake.records import dataclass
 from texbake.rendering.compare_models import (
+    LARGE_PX,
     N_VIEWS,
     ModelComparison,
     ModelToDraw,
@@ -39,6 +40,7 @@ _UNLIMITED = 1 << 40  # bytes
 # Of a search for a PSNR: numbers of bytes that are tried for a number of triangles, and the share
 # of the bytes that more triangles must get along with.
 _MOST_PROBES, _LESS = 4, 0.97
+_MOST_AIMS = 3  # searches by small pictures until large ones confirm the result
 # Surplus that ends the probes, the part of what codings may add to the error that a probe aims at,
 # the least share of an error that counts, and the part of the bytes between two sizes, in
 # logarithms, in which the next probe lies.
@@ -122,15 +124,37 @@ class Budget:
         return best
 
     def reaching(self, db: float) -> Trial:
-        """Return the smallest model found whose mean PSNR is `db` at least."""
-        trial = self._smallest(db)
-        if trial.db < db:
-            reached = math.floor(10.0 * trial.db) / 10.0
+        """Return the smallest model found whose mean PSNR is `db` at least, in large pictures.
+
+        A search by small pictures aims higher by what its result lacks in large ones.
+        """
+        aim = db
+        for _ in range(_MOST_AIMS):
+            trial = self._smallest(aim)
+            large = self._in_large_pictures(trial)
+            if large.db >= db:
+                return large
+            if trial.db < aim:  # it is the finest
+                break
+            aim += db - large.db
+        else:
+            large = self._in_large_pictures(self._trial(self._ladder()[0], _UNLIMITED))
+        if large.db < db:
+            reached = math.floor(10.0 * large.db) / 10.0
             raise OptionError(
                 f"min_psnr: the closest result for {self.source.mesh.name} has {reached:.1f} dB; "
                 "reduce `min_psnr`, or increase `n_faces` or `size`"
             )
-        return trial
+        return large
+
+    def _in_large_pictures(self, trial: Trial) -> Trial:
+        """Return a model with the comparison of large pictures."""
+        before, data = self._before.in_size(LARGE_PX), []
+        with scratch_folder() as folder:
+            path = folder / "trial.glb"
+            self.source.write(trial.light_model, trial.materials, path)
+            data.append(path.read_bytes())
+        return replace(trial, compare=partial(self._compare, data, 0.0, before))
 
     def _smallest(self, db: float) -> Trial:
         """Return the smallest model found with `db`; the finest if none has."""
@@ -236,14 +260,17 @@ class Budget:
             compare=partial(self._compare, data, least_db) if size <= n_bytes else None,
         )  # fmt: skip
 
-    def _compare(self, data: list[bytes], least_db: float) -> ModelComparison:
+    def _compare(
+        self, data: list[bytes], least_db: float, before: ModelToDraw | None = None
+    ) -> ModelComparison:
         """Draw a file; `data` gives it up, so that it takes no more memory."""
         options = self.source.options
         with scratch_folder() as folder, self.source.stages.part("compare"):
             path = folder / Path(self.output).name
             path.write_bytes(data.pop())
             return compare_models(
-                self._before, path, n_views=options.views or N_VIEWS, at_rest=True,
+                before or self._before, path, n_views=options.views or N_VIEWS, at_rest=True,
+                options=None if before is None else before.prepared.options,
                 least_db=least_db, threads=options.threads, progress=self.source.progress,
             )  # fmt: skip
 

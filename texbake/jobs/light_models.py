@@ -39,6 +39,7 @@ from texbake.schema import Size
 if TYPE_CHECKING:
     from texbake.baking.report import BakeReport
     from texbake.baking.result import BakeResult
+    from texbake.jobs.mesh_output import MaterialSimplifier
     from texbake.mapping.unwrap import UnwrapReport
 
 # Materials with images that `auto` keeps. More are slow to draw.
@@ -130,6 +131,7 @@ class Source:
             compress=options.compress, quantize=options.quantize,
             # Programs that compute other tangents would shade the baked normal map differently.
             tangents=self.mesh.tangents is not None or light_model.baked is not None,
+            is_coarse=light_model.simplified is not None,
         )  # fmt: skip
         return rig
 
@@ -184,7 +186,6 @@ class Source:
         return rule.of_high(high, threads=options.threads), rule, turned.notes
 
     def _with_kept_uvs(self, n_faces: int) -> LightModel:
-        from texbake.jobs.mesh_output import simplified_with_materials
         from texbake.texture.material_images import gltf_images
 
         options, threads = self.options, self.options.threads
@@ -195,11 +196,7 @@ class Source:
             if high.n_faces > n_faces:
                 repeated = self._instances
                 source, high = self._of_first(repeated)
-                make = partial(
-                    simplified_with_materials, high, materials=source.materials,
-                    quality=options.quality, threads=threads, progress=self.progress,
-                )  # fmt: skip
-                once = make
+                once = make = self._simplifier.made
                 if repeated is not None:
                     once = partial(simplified_once, repeated, make=make, threads=threads)
                 low, report, materials = once(n_faces)
@@ -230,6 +227,17 @@ class Source:
         return LightModel(
             mesh=low, materials=materials, pictures=pictures, simplified=report, keeps_uvs=True,
             warnings=(*warnings, *materials.notes()), size=size, baked=baked,
+        )  # fmt: skip
+
+    @cached_property
+    def _simplifier(self) -> MaterialSimplifier:
+        """Simplifies one part of each kind that is repeated."""
+        from texbake.jobs.mesh_output import MaterialSimplifier
+
+        source, high = self._of_first(self._instances)
+        return MaterialSimplifier(
+            mesh=high, materials=source.materials, quality=self.options.quality,
+            threads=self.options.threads, progress=self.progress,
         )  # fmt: skip
 
     def _with_baked_normals(

@@ -15,8 +15,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from texbake.baking.report import BakeReport
 from texbake.errors import FileFormatError, OptionError, counted
 from texbake.files import PathLike, written_file
@@ -25,26 +23,25 @@ from texbake.jobs.light_images import Picture, coded, coded_pictures, with_files
 from texbake.jobs.light_models import LightModel, Source
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import compared_without, left_out
-from texbake.jobs.mesh_output import MeshFileMaterials
+from texbake.jobs.mesh_output import MeshFileMaterials, bare_materials
 from texbake.jobs.outputs import JobResult, present_paths
 from texbake.mapping.unwrap import UnwrapReport
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.contents import model_bytes
 from texbake.mesh.files.gltf_compression import require_compression
 from texbake.mesh.files.source import parsed_once
-from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial
+from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.rig import read_rig
 from texbake.mesh.simplify import SimplifyReport
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
-from texbake.rendering.compare_models import ModelComparison, compare_models, decibels
+from texbake.rendering.compare_models import LARGE_PX, ModelComparison, compare_models, decibels
 from texbake.rendering.options import RenderOptions
 from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 large views of as many take about ten seconds.
 _MOST_PARTS = 1000
-_PAGE_PX = 512  # sides of the pictures of a page
 _NOT_COMPARED = (
     f"it has more than {_MOST_PARTS:,} parts, so its pictures are not compared with those of the "
     "result; use `html` to compare them anyway"
@@ -211,7 +208,7 @@ def _large_pictures(
     model: PathLike, output: PathLike, options: LightenOptions, progress: Progress
 ) -> ModelComparison:
     """Draw the pictures of a page; those that are measured are smaller."""
-    size = RenderOptions(width=_PAGE_PX, height=_PAGE_PX)
+    size = RenderOptions(width=LARGE_PX, height=LARGE_PX)
     return compare_models(
         model, output, n_views=options.views, options=size,
         at_rest=True, threads=options.threads, progress=progress,
@@ -285,9 +282,4 @@ def _write_page(
 def _materials(model: PathLike, mesh: Mesh) -> Materials:
     """Return the materials of a model; where it has none, what its format shows then."""
     found = model_materials(model, mesh, variants=True)
-    if found is not None:
-        return found
-    is_gltf = Path(model).suffix.lower() in (".glb", ".gltf")
-    names = ("metallic", "roughness") if is_gltf else ()
-    bare = MeshMaterial(name=mesh.name, channels={name: ChannelSource((1.0,)) for name in names})
-    return Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(bare,))
+    return bare_materials(model, mesh) if found is None else found

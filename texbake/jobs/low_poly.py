@@ -75,6 +75,7 @@ class LowPolyMaker:
     quality: str
     seams: str = "auto"
     by_parts: bool = False  # whether small parts keep their share of the triangles
+    parts: EnlargedParts | None = None  # of which `high` is the mesh
     # Parts of which `high` has one of each kind; `n_faces` counts all copies.
     repeated: RepeatedParts | None = None
     threads: int | None = None
@@ -137,6 +138,7 @@ class LowPolyMaker:
             error=self.error,
             quality=quality,
             seams=self.seams,
+            parts=self.parts,
             threads=self.threads,
             progress=self.progress,
         )
@@ -150,9 +152,8 @@ class LowPolyMaker:
             return reaching(mesh, report)
         if not self.by_parts:
             return self._simplify(self.high, self.quality)
-        enlarged = EnlargedParts.of(self.high, threads=self.threads)
-        low = replace(self, high=enlarged.mesh, by_parts=False)._simplify_high()
-        return reaching(*enlarged.restored(low.mesh, low.report, threads=self.threads))
+        parts = EnlargedParts.of(self.high, threads=self.threads)
+        return replace(self, high=parts.mesh, parts=parts, by_parts=False)._simplify_high()
 
     def _once(self, n_faces: int) -> tuple[Mesh, SimplifyReport, None]:
         low = replace(self, n_faces=n_faces, repeated=None)._simplify_high()

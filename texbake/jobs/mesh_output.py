@@ -7,6 +7,7 @@ writes them, hold none.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.mtl import write_obj_materials
 from texbake.mesh.files.source import parsed_once
 from texbake.mesh.files.unread_parts import unread_parts
-from texbake.mesh.materials import Materials, read_materials
+from texbake.mesh.materials import ChannelSource, Materials, MeshMaterial, read_materials
 from texbake.mesh.mesh import BoolArray, FloatArray, IndexArray, IntArray, Mesh
 from texbake.mesh.part_sizes import EnlargedParts
 from texbake.mesh.rig import Rig, read_rig
@@ -36,6 +37,7 @@ from texbake.progress import Progress
 from texbake.records import dataclass
 from texbake.texture.model_materials import without_damaged_images
 
+_GLTF = (".glb", ".gltf")
 _TITLES = {"uvs": "texture coordinates", "normals": "normals", "colors": "vertex colors"}
 
 
@@ -183,27 +185,41 @@ class MaterialPartition:
         return made, replace(self.source, materials=kept, lost=lost)
 
 
-def simplified_with_materials(
-    mesh: Mesh,
-    n_faces: int,
-    *,
-    materials: Materials,
-    quality: str,
-    threads: int | None,
-    progress: Progress,
-) -> tuple[Mesh, SimplifyReport, Materials]:
-    """Simplify a mesh that keeps its seams, shading, materials, and small parts their faces."""
-    partition = MaterialPartition.of(
-        mesh, MeshFileMaterials(path=Path(mesh.name), materials=materials)
-    )
-    enlarged = EnlargedParts.of(partition.mesh, threads=threads)
-    low, report = simplify_with_report(
-        enlarged.mesh, n_faces, quality=quality, seams="keep", shades=shading_length(mesh),
-        threads=threads, progress=progress,
-    )  # fmt: skip
-    low, report = enlarged.restored(low, report, threads=threads)
-    low, kept = partition.restored(low, mesh)
-    return low, report, kept.materials or materials
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MaterialSimplifier:
+    """Simplifies a mesh that keeps its seams, shading, materials, and small parts their faces."""
+
+    mesh: Mesh
+    materials: Materials
+    quality: str
+    threads: int | None
+    progress: Progress
+
+    @cached_property
+    def _partition(self) -> MaterialPartition:
+        source = MeshFileMaterials(path=Path(self.mesh.name), materials=self.materials)
+        return MaterialPartition.of(self.mesh, source)
+
+    @cached_property
+    def _parts(self) -> EnlargedParts:
+        return EnlargedParts.of(self._partition.mesh, threads=self.threads)
+
+    def made(self, n_faces: int) -> tuple[Mesh, SimplifyReport, Materials]:
+        """Return the mesh with fewer faces, and their materials."""
+        low, report = simplify_with_report(
+            self._parts.mesh, n_faces, quality=self.quality, seams="keep",
+            shades=shading_length(self.mesh), parts=self._parts, threads=self.threads,
+            progress=self.progress,
+        )  # fmt: skip
+        low, kept = self._partition.restored(low, self.mesh)
+        return low, report, kept.materials or self.materials
+
+
+def bare_materials(path: PathLike, mesh: Mesh) -> Materials:
+    """Return what a format shows where its file has no materials: glTF's default material."""
+    names = ("metallic", "roughness") if Path(path).suffix.lower() in _GLTF else ()
+    bare = MeshMaterial(name=mesh.name, channels={name: ChannelSource((1.0,)) for name in names})
+    return Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(bare,))
 
 
 def read_with_materials(path: PathLike, progress: Progress) -> tuple[Mesh, MeshFileMaterials]:
@@ -228,6 +244,9 @@ def write_with_materials(
     lost = list(source.lost)
     if Path(output).suffix.lower() in BARE_MESH_SUFFIXES:
         lost += [title for name, title in _TITLES.items() if getattr(mesh, name) is not None]
+    is_gltf = source.path.suffix.lower() in _GLTF and Path(output).suffix.lower() in _GLTF
+    if source.materials is None and is_gltf and not lost:
+        source = replace(source, materials=bare_materials(source.path, mesh))
     materials = source.materials
     files = present_paths(output)
     notes: list[str] = []

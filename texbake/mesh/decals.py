@@ -107,36 +107,44 @@ class _Parts:
         return heights, is_over & (np.abs(alike) >= _LEAST_COSINE) & (distances <= close)
 
 
-def decals_raised(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
-    """Return `low`, which `mesh` was simplified to, with sheets above what they lie on there."""
-    frame = LocalFrame.around(mesh)
-    source = _Parts(frame.to_local(mesh.positions), mesh, threads)
-    if source.n < 2:
-        return low
-    heights = source.sheets()
-    if np.isnan(heights).all():
-        return low
-    parts = _Parts(frame.to_local(low.positions), low, threads)
-    points = parts.points.copy()
-    tree, n_hosts = None, 0
-    sheets = np.flatnonzero(~np.isnan(heights))
-    n_places = min(_PLACES, _OF_ALL // len(sheets))
-    # Large ones first, so that those that lie on them find them where they stay.
-    for sheet in sheets[np.argsort(-source.areas[sheets], kind="stable")]:
-        off = np.abs(parts.boxes - source.boxes[sheet]).max(axis=(1, 2))
-        is_same = off <= _SAME_BOX * source.sizes[sheet]
-        is_same &= np.abs(parts.areas / source.areas[sheet] - 1.0) <= _SAME_AREA
-        is_host = parts.areas * _LARGEST >= source.areas[sheet]
-        if is_host.sum() > n_hosts:  # otherwise, they are those of the last sheet
-            n_hosts = int(is_host.sum())
-            hosts = low.faces[is_host[parts.numbers]]
-            tree = TriangleTree.build(points[parts.firsts], hosts, threads=threads)
-        faces = parts.welded[is_same[parts.numbers]]
-        if tree is not None and len(faces):
-            n_steps = min(max(math.isqrt(2 * n_places // len(faces)), _FEWEST_STEPS), _MOST_STEPS)
-            _raise(points, faces, tree, _KEPT * float(heights[sheet]), n_steps, threads)
-    moved = (points - parts.points)[parts.firsts]
-    return low.replace(positions=low.positions + frame.length_to_model(moved))
+class Decals:
+    """The sheets of a mesh that lie on larger parts of it."""
+
+    def __init__(self, mesh: Mesh, threads: int | None = None):
+        self.frame, self.threads = LocalFrame.around(mesh), threads
+        self.source = _Parts(self.frame.to_local(mesh.positions), mesh, threads)
+
+    @cached_property
+    def heights(self) -> FloatArray:
+        """(n,) least height of each part over what it lies on; NaN for parts that are no sheets."""
+        return self.source.sheets() if self.source.n > 1 else np.full(self.source.n, np.nan)
+
+    def raised(self, low: Mesh) -> Mesh:
+        """Return what the mesh was simplified to, with its sheets above what they lie on there."""
+        source, heights, threads = self.source, self.heights, self.threads
+        if np.isnan(heights).all():
+            return low
+        parts = _Parts(self.frame.to_local(low.positions), low, threads)
+        points = parts.points.copy()
+        tree, n_hosts = None, 0
+        sheets = np.flatnonzero(~np.isnan(heights))
+        n_places = min(_PLACES, _OF_ALL // len(sheets))
+        # Large ones first, so that those that lie on them find them where they stay.
+        for sheet in sheets[np.argsort(-source.areas[sheets], kind="stable")]:
+            off = np.abs(parts.boxes - source.boxes[sheet]).max(axis=(1, 2))
+            is_same = off <= _SAME_BOX * source.sizes[sheet]
+            is_same &= np.abs(parts.areas / source.areas[sheet] - 1.0) <= _SAME_AREA
+            is_host = parts.areas * _LARGEST >= source.areas[sheet]
+            if is_host.sum() > n_hosts:  # otherwise, they are those of the last sheet
+                n_hosts = int(is_host.sum())
+                hosts = low.faces[is_host[parts.numbers]]
+                tree = TriangleTree.build(points[parts.firsts], hosts, threads=threads)
+            faces = parts.welded[is_same[parts.numbers]]
+            if tree is not None and len(faces):
+                n = min(max(math.isqrt(2 * n_places // len(faces)), _FEWEST_STEPS), _MOST_STEPS)
+                _raise(points, faces, tree, _KEPT * float(heights[sheet]), n, threads)
+        moved = (points - parts.points)[parts.firsts]
+        return low.replace(positions=low.positions + self.frame.length_to_model(moved))
 
 
 def _over(

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.mesh.decals import decals_raised
-from texbake.mesh.distance import REPORTED_SAMPLES, surface_distance
+from texbake.mesh.decals import Decals
 from texbake.mesh.mesh import FloatArray, Int64Array, IntArray, Mesh
 from texbake.mesh.objects import weld_vertices
 from texbake.mesh.options import MIN_FACES
@@ -44,6 +44,7 @@ class EnlargedParts:
     source: Mesh
     center: FloatArray  # (3,)
     width: float  # of a place along x; 0 where nothing is enlarged
+    threads: int | None = None
 
     @classmethod
     def of(cls, mesh: Mesh, *, threads: int | None = None) -> EnlargedParts:
@@ -52,27 +53,26 @@ class EnlargedParts:
         center = (low + high) / 2.0
         steps = _steps(mesh, weld_vertices(mesh, threads=threads))
         if mesh.deformation is not None or not steps.any():
-            return cls(mesh, mesh, center, 0.0)
+            return cls(mesh, mesh, center, 0.0, threads)
         # All of a mesh that is enlarged to the most lies within a quarter of this from its place.
         width = 4.0 * float((high - low).max()) * float(_scales(steps).max())
         moved = (mesh.positions - center) * _scales(steps)
         moved[:, 0] += steps * width
-        return cls(mesh.replace(positions=moved), mesh, center, width)
+        return cls(mesh.replace(positions=moved), mesh, center, width, threads)
 
-    def restored(
-        self, low: Mesh, report: SimplifyReport, *, threads: int | None = None
-    ) -> tuple[Mesh, SimplifyReport]:
-        """Bring what was made of the mesh back to size and place, and measure how far it lies."""
-        if not self.width:
-            return low, report
-        moved = low.positions.copy()
-        steps = np.rint(moved[:, 0] / self.width)
-        moved[:, 0] -= steps * self.width
-        moved = moved / _scales(steps.astype(np.int64)) + self.center
-        low = decals_raised(self.source, low.replace(positions=moved), threads)
-        distance = surface_distance(self.source, low, n_samples=REPORTED_SAMPLES, threads=threads)
-        notes = tuple(note for note in report.notes if note not in report.distance.notes)
-        return low, replace(report, distance=distance, notes=(*notes, *distance.notes))
+    @cached_property
+    def _decals(self) -> Decals:
+        return Decals(self.source, self.threads)
+
+    def restored(self, low: Mesh) -> Mesh:
+        """Bring what was made of the mesh back to size and place, with decals above the rest."""
+        if self.width:
+            moved = low.positions.copy()
+            steps = np.rint(moved[:, 0] / self.width)
+            moved[:, 0] -= steps * self.width
+            moved = moved / _scales(steps.astype(np.int64)) + self.center
+            low = low.replace(positions=moved)
+        return self._decals.raised(low)
 
 
 def simplified_once(

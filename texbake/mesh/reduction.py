@@ -18,7 +18,7 @@ import numpy as np
 
 from texbake.errors import MeshError
 from texbake.mesh.compose import face_fields
-from texbake.mesh.decals import decals_raised
+from texbake.mesh.decals import Decals
 from texbake.mesh.decimate import (
     VertexStream,
     boundary_fits,
@@ -93,16 +93,17 @@ def reduced(
     shades: float = 0.0,
     importance: FloatArray | None = None,
     gives_up: bool = True,
+    lifts: bool = True,
 ) -> Reduction:
     """Return a mesh reduced to a number of faces, or to as few as are possible.
 
-    If it `gives_up`, seams and parts may go. With `shades`, a length, changes of normals
-    count, a radian as much as it; vertices keep their places and no part is dropped. Errors
-    at vertices count by their `importance` (V,) float64.
+    If it `gives_up`, seams and parts may go; if it `lifts`, decals stay above what they lie on.
+    With `shades`, a length, changes of normals count, a radian as much as it; vertices keep their
+    places and no part is dropped. Errors at vertices count by their `importance` (V,) float64.
     """
     again = partial(
         reduced, n_faces=n_faces, options=options, threads=threads,
-        shades=shades, importance=importance, gives_up=gives_up,
+        shades=shades, importance=importance, gives_up=gives_up, lifts=lifts,
     )  # fmt: skip
     if options.seams == "drop" and mesh.uvs is not None:
         mesh = mesh.replace(uvs=None, uv_faces=None)
@@ -132,7 +133,7 @@ def reduced(
     note = _why_not(result, n_faces)
     if note is not None:
         result = noted(result, note)
-    reduced_mesh = decals_raised(mesh, result.mesh, threads)
+    reduced_mesh = Decals(mesh, threads).raised(result.mesh) if lifts else result.mesh
     if has_borders(mesh):
         reduced_mesh = with_nearest_groups(reduced_mesh, mesh, threads)
     return replace(

@@ -19,7 +19,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from texbake.core import portable_math as pm
 from texbake.errors import MeshError, OptionError
@@ -31,6 +31,9 @@ from texbake.mesh.reduction import CUT, SLACK, Reduction, noted, reduced
 from texbake.mesh.streamed.reduction import ReducedMesh
 from texbake.progress import Progress, Stages
 from texbake.records import dataclass
+
+if TYPE_CHECKING:
+    from texbake.mesh.part_sizes import EnlargedParts
 
 # Share of the diagonal. A point in the middle of a mesh is no further from any of it than this.
 _MOST_ERROR = 0.5
@@ -170,21 +173,25 @@ def simplify_with_report(
     source: ReducedMesh | None = None,
     shades: float = 0.0,
     importance: FloatArray | None = None,
+    parts: EnlargedParts | None = None,
     progress: Progress = None,
     threads: int | None = None,
 ) -> tuple[Mesh, SimplifyReport]:
     """Simplify, and report the method and the distance, from `source` if it was reduced.
 
     If it `shades`, the mesh's own normals count as well, and stay, as all its parts do. Errors
-    at vertices count by their `importance` (V,) float64.
+    at vertices count by their `importance` (V,) float64. A mesh of enlarged `parts` goes back to
+    their size before the distance is measured.
     """
     mesh = as_mesh(mesh)
     stages = Stages(progress)
     start = time.perf_counter()
     options = SimplifyOptions(n_faces=n_faces, error=error, quality=quality, seams=seams)
-    result = _simplified(mesh, options, stages, threads, shades, importance)
-    seconds = time.perf_counter() - start
+    result = _simplified(mesh, options, stages, threads, shades, importance, lifts=parts is None)
     low, distance = result.mesh, result.distance
+    if parts is not None:
+        low, mesh, distance = parts.restored(low), parts.source, None
+    seconds = time.perf_counter() - start
     if distance is None:
         with stages.stage("measure distance"):
             distance = measure_distance(source or mesh, low, threads=threads)
@@ -244,6 +251,8 @@ def _simplified(
     threads: int | None,
     shades: float = 0.0,
     importance: FloatArray | None = None,
+    *,
+    lifts: bool = True,
 ) -> Reduction:
     """The simplified mesh, how it was made, and what was given up."""
     n_faces, limit = options.n_faces, error_limit(options.error, mesh.diagonal)
@@ -258,7 +267,9 @@ def _simplified(
         if limit is not None:
             return _simplify_within(mesh, limit, options, threads, importance)
         assert n_faces is not None
-        return reduced(mesh, n_faces, options, threads, shades=shades, importance=importance)
+        return reduced(
+            mesh, n_faces, options, threads, shades=shades, importance=importance, lifts=lifts
+        )
 
 
 def _unchanged(mesh: Mesh, note: str) -> Reduction:

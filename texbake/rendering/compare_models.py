@@ -41,7 +41,7 @@ from texbake.texture.encoding import quantize_srgb
 from texbake.texture.model_materials import read_materials
 
 N_VIEWS = 6
-_PICTURE_PX = 256
+_PICTURE_PX, LARGE_PX = 256, 512  # sides of the pictures of a search, and of what confirms it
 _GOLDEN_ANGLE = 180.0 * (3.0 - math.sqrt(5.0))
 _GLTF = (".glb", ".gltf")
 _ROOM_PX = 64  # of a face of its cube map; its lamps are wide
@@ -84,6 +84,11 @@ class ModelToDraw:
     scene: Scene
     prepared: Prepared
     _drawn: dict[tuple[float, float], _Drawn] = field(default_factory=dict)
+
+    def in_size(self, size: int) -> ModelToDraw:
+        """Return the model for square pictures of another size."""
+        options = replace(self.prepared.options, width=size, height=size)
+        return ModelToDraw(self.scene, replace(self.prepared, options=options))
 
     def picture(self, camera: Camera, view: tuple[float, float], *, keeps: bool) -> _Drawn:
         """Draw a view, or return what it `keeps` of one."""

@@ -30,6 +30,7 @@ from texbake.mesh.files.conversion import (
 from texbake.mesh.files.gltf_compression import (
     ATTRIBUTES,
     EXTENSION,
+    OCTAHEDRAL,
     TRIANGLES,
     encode_triangles,
     encode_vertices,
@@ -46,6 +47,7 @@ _IMAGE_EXTENSIONS = {"image/webp": "EXT_texture_webp", "image/ktx2": "KHR_textur
 _TYPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 # Columns of integers that are not fractions.
 _WHOLE = ("POSITION", "JOINTS")
+_OCTAHEDRAL_WIDTHS = {"NORMAL": 3, "TANGENT": 4}
 
 
 class GltfAsset:
@@ -112,12 +114,14 @@ class GltfAsset:
         self, columns: dict[str, AnyArray], indices: Int64Array, material: int
     ) -> dict[str, Any]:
         """Add the arrays of a primitive, with (3 F,) indices, and return it."""
+        is_octahedral = "NORMAL" in columns and columns["NORMAL"].shape[1] == 4
         attributes = {
             attribute: self._add_accessor(
                 values,
                 _VERTICES,
                 bounded=attribute == "POSITION",
                 is_whole=attribute.partition("_")[0] in _WHOLE,
+                width=_OCTAHEDRAL_WIDTHS.get(attribute) if is_octahedral else None,
             )
             for attribute, values in columns.items()
         }
@@ -217,14 +221,21 @@ class GltfAsset:
         *,
         bounded: bool = False,
         is_whole: bool = False,
+        width: int | None = None,
         **source: Any,
     ) -> int:
-        """Add the rows of an array, and return the index of the accessor that reads them."""
+        """Add the rows of an array, and return the index of the accessor that reads them.
+
+        With a `width`, they are octahedral codes of directions of so many components.
+        """
+        rows = source or {
+            "bufferView": self._add_rows(values, target, octahedral=width is not None)
+        }
         accessor: dict[str, Any] = {
-            **(source or {"bufferView": self._add_rows(values, target)}),
+            **rows,
             "componentType": _COMPONENTS[values.dtype.name],
             "count": len(values),
-            "type": _TYPES[values.shape[1]],
+            "type": _TYPES[width or values.shape[1]],
         }
         if target == _VERTICES and values.dtype.kind in "iu" and not is_whole:
             accessor["normalized"] = True
@@ -234,7 +245,7 @@ class GltfAsset:
         self._json["accessors"].append(accessor)
         return len(self._json["accessors"]) - 1
 
-    def _add_rows(self, values: AnyArray, target: int) -> int:
+    def _add_rows(self, values: AnyArray, target: int, *, octahedral: bool = False) -> int:
         """Add the rows of an array as a buffer view, compressed if the asset is."""
         padding = 0
         if target == _VERTICES:  # whose rows are a multiple of 4 bytes
@@ -247,6 +258,7 @@ class GltfAsset:
         code: dict[str, Any] = {"byteStride": stride, "count": len(values)}
         if target == _VERTICES:
             data, code["mode"] = encode_vertices(values), ATTRIBUTES
+            code |= {"filter": OCTAHEDRAL} if octahedral else {}
         else:
             data, code["mode"] = encode_triangles(values, int(values.max()) + 1), TRIANGLES
         view = {"buffer": 1, "byteOffset": self._n_plain, "byteLength": values.nbytes}

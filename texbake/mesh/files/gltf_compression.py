@@ -5,7 +5,8 @@ Codes of meshoptimizer are lossless, except that a triangle may begin with anoth
 
 Positions are 16-bit steps of one grid for the whole file, so that what was one point in several
 primitives still is; the node has its place and its step. Instances have a grid of their own.
-Normals, tangents and colors are 8-bit fractions. Texture coordinates are 16-bit fractions of a
+Normals, tangents and colors are 8-bit fractions, in compressed files also points of an octahedron,
+which take fewer bytes and have about twice the error. Texture coordinates are 16-bit fractions of a
 square that KHR_texture_transform puts back into place, and floats where steps would be seen, or no
 texture can carry it.
 
@@ -17,6 +18,7 @@ Based on:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from types import MappingProxyType
@@ -34,7 +36,8 @@ EXTENSION = "EXT_meshopt_compression"
 DRACO = "KHR_draco_mesh_compression"
 QUANTIZATION = "KHR_mesh_quantization"
 ATTRIBUTES, TRIANGLES, INDICES = "ATTRIBUTES", "TRIANGLES", "INDICES"
-_FILTERS = {"OCTAHEDRAL": "decode_filter_oct", "QUATERNION": "decode_filter_quat",
+OCTAHEDRAL = "OCTAHEDRAL"
+_FILTERS = {OCTAHEDRAL: "decode_filter_oct", "QUATERNION": "decode_filter_quat",
             "EXPONENTIAL": "decode_filter_exp"}  # fmt: skip
 # The least that a byte of a vertex can be coded to is a 64th of a byte, and of an index more; the
 # header of a block is what 1024 bytes leave room for.
@@ -84,7 +87,7 @@ def decode_view(
         return f"the filter {quoted(filter_name)} of a compressed view is not known"
     if mode == TRIANGLES and count % 3:
         return f"a compressed view has {count} corners, which is not a multiple of 3"
-    if filter_name == "OCTAHEDRAL" and stride not in (4, 8):
+    if filter_name == OCTAHEDRAL and stride not in (4, 8):
         return f"octahedral normals of {stride} bytes are not known"
     if filter_name == "QUATERNION" and stride != 8:
         return f"rotations of {stride} bytes are not known"
@@ -116,9 +119,11 @@ def _library() -> Any:
     return require_library("meshoptimizer", "glTF", '"texbake[meshoptimizer]"')
 
 
-_STEPS = 65535
+MOST_STEPS = 65535
 # The greatest square of texture coordinates: its steps are an eighth of a texel of 2048.
 _MAX_SIDE = 4.0
+# Where they may be coarse: a quarter of a texel of 1024, or a texel if an image repeats four times.
+_COARSE_STEPS, _FEW_REPEATS = 4096, 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +134,15 @@ class Grid:
     step: float
 
     @classmethod
-    def around(cls, low: FloatArray, high: FloatArray) -> Grid:
+    def around(cls, low: FloatArray, high: FloatArray, n_steps: int = MOST_STEPS) -> Grid:
         """Grid over a box; of a box without size every point is the corner."""
         side = float((high - low).max())
-        return cls(low, side / _STEPS if side > 0.0 else 1.0)
+        return cls(low, side / n_steps if side > 0.0 else 1.0)
 
     def codes(self, values: FloatArray) -> npt.NDArray[np.uint16]:
         """Nearest points of the grid, at most half a step away along each axis."""
         steps = np.rint((values - self.corner) / self.step)
-        return np.clip(steps, 0, _STEPS).astype(np.uint16)
+        return np.clip(steps, 0, MOST_STEPS).astype(np.uint16)
 
     def place(self) -> dict[str, Any]:
         """Fields of a node that take codes of positions to where they are."""
@@ -158,10 +163,17 @@ class Quantization:
     # Of sets of texture coordinates that leave the unit square, v down; None where they stay
     # floats.
     uv_grids: Mapping[int, Grid | None] = field(default_factory=lambda: MappingProxyType({}))
+    is_octahedral: bool = False  # whether normals and tangents are
 
     @classmethod
-    def of(cls, meshes: Sequence[Mesh], materials: Materials | None) -> Quantization:
-        """Grids for the meshes of a file; `materials` are those of the first."""
+    def of(
+        cls, meshes: Sequence[Mesh], materials: Materials | None, *, is_coarse: bool = False
+    ) -> Quantization:
+        """Grids for the meshes of a file; `materials` are those of the first.
+
+        With `is_coarse`, texture coordinates have 4,096 steps over the unit square or more, and
+        normals are octahedral.
+        """
         bounds = np.array([mesh.bounds for mesh in meshes])
         if np.abs(bounds).max() > np.finfo(np.float32).max:
             name = meshes[0].name
@@ -171,16 +183,21 @@ class Quantization:
         if materials is not None:
             sets |= {number: [uvs] for number, uvs in materials.uv_sets.items()}
             images = materials.image_uv_sets
+        uv_steps = _coarse_steps(materials) if is_coarse and materials else MOST_STEPS
         grids: dict[int, Grid | None] = {}
         for uv_set, parts in sets.items():
             rows = np.concatenate([np.zeros((0, 2)), *parts])
-            if len(rows) == 0 or (rows.min() >= 0.0 and rows.max() <= 1.0):
+            is_inside = len(rows) == 0 or (rows.min() >= 0.0 and rows.max() <= 1.0)
+            if is_inside and (len(rows) == 0 or uv_steps >= MOST_STEPS or uv_set not in images):
                 continue
             turned = np.stack([rows[:, 0], 1.0 - rows[:, 1]], axis=1)
             low, high = turned.min(axis=0), turned.max(axis=0)
-            is_moved = uv_set in images and (high - low).max() <= _MAX_SIDE
-            grids[uv_set] = Grid.around(low, high) if is_moved else None
-        return cls(Grid.around(bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)), grids)
+            side = float((high - low).max())
+            is_moved = uv_set in images and side <= _MAX_SIDE
+            n_steps = min(MOST_STEPS, max(1, math.ceil(side * uv_steps)))
+            grids[uv_set] = Grid.around(low, high, n_steps) if is_moved else None
+        box = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+        return cls(Grid.around(*box), grids, is_coarse)
 
     def uvs(self, uv_set: int, turned: FloatArray) -> AnyArray:
         """Codes of texture coordinates, v down; floats of a set that stays as it is."""
@@ -192,18 +209,38 @@ class Quantization:
         matrices = {}
         for uv_set, grid in self.uv_grids.items():
             if grid is not None:
-                matrix: FloatArray = np.diag([grid.step * _STEPS, grid.step * _STEPS, 1.0])
+                matrix: FloatArray = np.diag([grid.step * MOST_STEPS, grid.step * MOST_STEPS, 1.0])
                 matrix[:2, 2] = grid.corner
                 matrices[uv_set] = matrix
         return matrices
 
 
-_UNIT_SQUARE = Grid(np.zeros(2), 1.0 / _STEPS)
+def _coarse_steps(materials: Materials) -> float:
+    """Steps over the unit square of texture coordinates, more where images repeat often."""
+    images = (image for material in materials.materials for image in material.images)
+    scales = [abs(number) for image in images for row in image.placing for number in row[:2]]
+    return _COARSE_STEPS * max(1.0, max(scales, default=1.0) / _FEW_REPEATS)
+
+
+_UNIT_SQUARE = Grid(np.zeros(2), 1.0 / MOST_STEPS)
 
 
 def unit_codes(values: AnyArray) -> npt.NDArray[np.int8]:
     """Components in [-1, 1] as normalized signed bytes."""
     return np.rint(127.0 * values).astype(np.int8)
+
+
+def octahedral_codes(values: AnyArray) -> npt.NDArray[np.int8]:
+    """(n, 4) bytes that the filter for octahedral normals decodes to directions (n, 3 or 4)."""
+    directions = values[:, :3].astype(np.float64)
+    directions /= np.abs(directions).sum(axis=1, keepdims=True)
+    flat, away = directions[:, :2], directions[:, 2:] < 0.0
+    folded = (1.0 - np.abs(flat[:, ::-1])) * np.where(flat < 0.0, -1.0, 1.0)
+    codes = np.zeros((len(values), 4), np.int8)
+    codes[:, :2] = unit_codes(np.where(away, folded, flat))
+    codes[:, 2] = 127
+    codes[:, 3:] = unit_codes(values[:, 3:]) if values.shape[1] == 4 else 0
+    return codes
 
 
 def color_codes(values: AnyArray) -> ByteArray:

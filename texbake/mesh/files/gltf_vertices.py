@@ -24,6 +24,7 @@ from texbake.mesh.files.gltf_compression import (
     Grid,
     Quantization,
     color_codes,
+    octahedral_codes,
     ordered_triangles,
     unit_codes,
 )
@@ -165,7 +166,8 @@ class CornerVertices:
                 columns["POSITION"] = frame.grid.codes(columns["POSITION"].astype(np.float64))
             for name, codes in _CODES.items():
                 if name in columns:
-                    columns[name] = codes(columns[name])
+                    is_turned = quantization.is_octahedral and codes is unit_codes
+                    columns[name] = (octahedral_codes if is_turned else codes)(columns[name])
         return columns
 
     def _place(self, columns: Columns, points: FloatArray, frame: Frame) -> None:

@@ -60,10 +60,12 @@ def write_glb(
     quantize: bool | None = None,
     rig: Rig | None = None,
     tangents: bool = True,
+    is_coarse: bool = False,
 ) -> None:
     """Write a mesh as binary glTF with PNG or JPEG textures as they are, normals in +Y.
 
-    Objects of a `rig` that match are on its nodes. Without `tangents`, readers compute them.
+    Objects of a `rig` that match are on its nodes. Without `tangents`, readers compute them. What
+    is compressed and `is_coarse` has larger steps of texture coordinates and normals.
     """
     textures = (normal_map, base_color, orm, emissive)
     meshes = [mesh, *(levels or ())]
@@ -77,7 +79,8 @@ def write_glb(
     asset = GltfAsset(compress=bool(compress))
     quantization = None
     if compress if quantize is None else quantize:
-        quantization = Quantization.of(meshes, materials)
+        coarse = is_coarse and bool(compress)
+        quantization = Quantization.of(meshes, materials, is_coarse=coarse)
         asset.require(QUANTIZATION)
     if materials is None:
         asset.add_material(
