@@ -76,10 +76,9 @@ class Codings:
             return b""
 
         def complete(picture: Picture) -> bytes:
-            codings, coding = tables[picture.name], picked[picture.name]
-            exact = self._coding(picture, coding.side, coding.quality)
-            codings[codings.index(coding)] = self._with_side_error(picture, exact)
-            return b""
+            coding = picked[picture.name]
+            self._coding(picture, coding.side, coding.quality)
+            return tabulate(picture)
 
         coded_pictures(pictures, tabulate, threads=self.threads)
         while True:
@@ -99,20 +98,35 @@ class Codings:
     def _table(self, picture: Picture, n_bytes: int) -> list[_Coding]:
         """Codings of a picture that may fit, measured at small sides, predicted at larger ones."""
         found: list[_Coding] = []
-        before: dict[int, list[_Coding]] = {quality: [] for quality in _QUALITIES}
+        smaller: dict[int, _Coding] = {}
         for number, side in enumerate(self._sides(picture)):
-            for quality, smaller in before.items():
-                if smaller and _GROWTH * smaller[-1].n_bytes > n_bytes:
+            codings: dict[int, _Coding] = {}
+            for quality in _QUALITIES:
+                half = smaller.get(quality)
+                if number and (half is None or _GROWTH * half.n_bytes > n_bytes):
                     break
                 known = self._known.get((_identity(picture), side, quality))
-                if known is None and number < _EXACT_SIDES:
+                if known is None and (half is None or number < _EXACT_SIDES):
                     known = self._coding(picture, side, quality)
                 if known is None:
-                    half = smaller[-1]
-                    known = _Coding(side, quality, _GROWTH * half.n_bytes, _LESS_ERROR * half.error)
-                smaller.append(known)
+                    assert half is not None
+                    growth, less = self._change(picture, side, quality, smaller)
+                    known = _Coding(side, quality, growth * half.n_bytes, less * half.error)
+                codings[quality] = known
                 found.append(self._with_side_error(picture, known))
+            smaller = codings
         return found
+
+    def _change(
+        self, picture: Picture, side: int, quality: int, smaller: Mapping[int, _Coding]
+    ) -> tuple[float, float]:
+        """Bytes and error over those of half the side, as with the nearest quality known there."""
+        known = {q: self._known.get((_identity(picture), side, q)) for q in smaller}
+        near = sorted(smaller, key=lambda q: abs(q - quality))
+        for found, half in ((known[q], smaller[q]) for q in near):
+            if found is not None and half.error > 0.0:
+                return found.n_bytes / half.n_bytes, found.error / half.error
+        return _GROWTH, _LESS_ERROR
 
     def _coding(self, picture: Picture, side: int, quality: int) -> _Coding:
         key = _identity(picture), side, quality

@@ -100,7 +100,7 @@ class Source:
         may_be_new &= is_auto and self.mesh.n_faces > n_faces
         if may_be_new and not is_atlas(self._of_first(self._instances)[1], self.options.threads):
             return self._with_new_uvs(n_faces, is_trial=is_trial)
-        kept = self._with_kept_uvs(n_faces)
+        kept = self._with_kept_uvs(n_faces, is_trial=is_trial)
         simplified = kept.simplified
         overlap = may_be_new and kept.baked is None and not self._normals_vary
         if simplified is None or (is_auto and simplified.is_close_to_count and not overlap):
@@ -185,7 +185,7 @@ class Source:
         rule = LowNormals(options.normals, options.angle)
         return rule.of_high(high, threads=options.threads), rule, turned.notes
 
-    def _with_kept_uvs(self, n_faces: int) -> LightModel:
+    def _with_kept_uvs(self, n_faces: int, *, is_trial: bool = False) -> LightModel:
         from texbake.texture.material_images import gltf_images
 
         options, threads = self.options, self.options.threads
@@ -212,7 +212,9 @@ class Source:
         if report is not None and is_atlas(low, threads) and not self._normals_vary:
             low_poly = reaching(low, report)
             with self.stages.part("bake"):
-                materials, baked = source._with_baked_normals(high, low, low_poly, materials)
+                materials, baked = source._with_baked_normals(
+                    high, low, low_poly, materials, is_trial=is_trial
+                )
             size = baked.options.width_px, baked.options.height_px
             warnings = (*warnings, *baked.warnings)
         if repeated is not None:
@@ -241,7 +243,7 @@ class Source:
         )  # fmt: skip
 
     def _with_baked_normals(
-        self, high: Mesh, low: Mesh, low_poly: LowPoly, materials: Materials
+        self, high: Mesh, low: Mesh, low_poly: LowPoly, materials: Materials, *, is_trial: bool
     ) -> tuple[Materials, BakeReport]:
         """Bake the shape that was simplified away onto texture coordinates that stay."""
         from texbake.baking.parts.bake_parts import bake_objects
@@ -249,7 +251,8 @@ class Source:
         from texbake.jobs.material_transfer import texture_size
 
         options = self.options
-        size = options.size or texture_size(self._shown, LEAST_SIZE, MOST_SIZE)
+        most = LEAST_SIZE if is_trial else MOST_SIZE
+        size = options.size or texture_size(self._shown, LEAST_SIZE, most)
         chosen = low_poly.aimed(options.bake_options(("normal",), size, DEFAULT_PADDING))
         baked = bake_objects(
             high, low, chosen, pair=len(set(low.group_objects)) <= _MOST_PAIRED,
