@@ -40,7 +40,7 @@ _UNLIMITED = 1 << 40  # bytes
 # Of a search for a PSNR: numbers of bytes that are tried for a number of triangles, and the share
 # of the bytes that more triangles must get along with.
 _MOST_PROBES, _LESS = 4, 0.97
-_MOST_AIMS = 3  # searches by small pictures until large ones confirm the result
+_MOST_AIMS = 4  # searches by small pictures until large ones confirm the result
 # Surplus that ends the probes, the part of what codings may add to the error that a probe aims at,
 # the least share of an error that counts, and the part of the bytes between two sizes, in
 # logarithms, in which the next probe lies.
@@ -129,14 +129,14 @@ class Budget:
         A search by small pictures aims higher by what its result lacks in large ones.
         """
         aim = db
-        for _ in range(_MOST_AIMS):
+        for number in range(_MOST_AIMS):
             trial = self._smallest(aim)
             large = self._in_large_pictures(trial)
             if large.db >= db:
                 return large
             if trial.db < aim:  # it is the finest
                 break
-            aim += db - large.db
+            aim += (number + 1) * (db - large.db) + _CLOSE_DB
         else:
             large = self._in_large_pictures(self._trial(self._ladder()[0], _UNLIMITED))
         if large.db < db:

@@ -18,6 +18,7 @@ from texbake.files import PathLike
 from texbake.jobs.light_images import Picture, pictures_of
 from texbake.jobs.lighten_options import LEAST_SIZE, MOST_SIZE, LightenOptions
 from texbake.jobs.low_poly import LowPoly, LowPolyMaker, reaching
+from texbake.jobs.mesh_output import MaterialSimplifier
 from texbake.mapping.options import DEFAULT_PADDING, UnwrapOptions
 from texbake.mapping.overlap import is_atlas, layout_notes
 from texbake.mesh.compose import excerpt
@@ -39,7 +40,6 @@ from texbake.schema import Size
 if TYPE_CHECKING:
     from texbake.baking.report import BakeReport
     from texbake.baking.result import BakeResult
-    from texbake.jobs.mesh_output import MaterialSimplifier
     from texbake.mapping.unwrap import UnwrapReport
 
 # Materials with images that `auto` keeps. More are slow to draw.
@@ -210,11 +210,9 @@ class Source:
                 low = with_normals(low, rule.choice, angle=rule.angle)
         materials, baked, size = materials.used(), None, None
         if report is not None and is_atlas(low, threads) and not self._normals_vary:
-            low_poly = reaching(low, report)
+            low_poly, most = reaching(low, report), LEAST_SIZE if is_trial else MOST_SIZE
             with self.stages.part("bake"):
-                materials, baked = source._with_baked_normals(
-                    high, low, low_poly, materials, is_trial=is_trial
-                )
+                materials, baked = source._with_baked_normals(high, low, low_poly, materials, most)
             size = baked.options.width_px, baked.options.height_px
             warnings = (*warnings, *baked.warnings)
         if repeated is not None:
@@ -234,16 +232,14 @@ class Source:
     @cached_property
     def _simplifier(self) -> MaterialSimplifier:
         """Simplifies one part of each kind that is repeated."""
-        from texbake.jobs.mesh_output import MaterialSimplifier
-
         source, high = self._of_first(self._instances)
+        options = self.options
         return MaterialSimplifier(
-            mesh=high, materials=source.materials, quality=self.options.quality,
-            threads=self.options.threads, progress=self.progress,
-        )  # fmt: skip
+            high, source.materials, options.quality, options.threads, self.progress
+        )
 
     def _with_baked_normals(
-        self, high: Mesh, low: Mesh, low_poly: LowPoly, materials: Materials, *, is_trial: bool
+        self, high: Mesh, low: Mesh, low_poly: LowPoly, materials: Materials, most: int
     ) -> tuple[Materials, BakeReport]:
         """Bake the shape that was simplified away onto texture coordinates that stay."""
         from texbake.baking.parts.bake_parts import bake_objects
@@ -251,7 +247,6 @@ class Source:
         from texbake.jobs.material_transfer import texture_size
 
         options = self.options
-        most = LEAST_SIZE if is_trial else MOST_SIZE
         size = options.size or texture_size(self._shown, LEAST_SIZE, most)
         chosen = low_poly.aimed(options.bake_options(("normal",), size, DEFAULT_PADDING))
         baked = bake_objects(

@@ -185,7 +185,7 @@ class MaterialPartition:
         return made, replace(self.source, materials=kept, lost=lost)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class MaterialSimplifier:
     """Simplifies a mesh that keeps its seams, shading, materials, and small parts their faces."""
 
