@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.glb import GltfFile
+from tests.raycast.test_hidden_faces import windowed_box
 from texbake.errors import FileError
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.mesh_output import MaterialPartition, MeshFileMaterials
@@ -252,6 +253,27 @@ def test_what_an_opaque_case_hides_is_dropped(tmp_path, glass, n_left):
     done = lighten_file(tmp_path / "a.glb", tmp_path / "light.glb", light)
     assert (done.report.n_faces_before, done.report.n_faces) == (332, n_left)
     assert any(dropped in line for line in done.warnings) == (n_left == 12)
+
+
+@pytest.mark.parametrize("is_instanced", [False, True])
+def test_what_is_seen_gets_more_triangles_but_in_copies(tmp_path, is_instanced):
+    box = windowed_box()
+    file = GltfFile()
+    arrays = {"POSITION": file.accessor(box.positions)}
+    corners = file.accessor(box.faces.reshape(-1, 1), "I")
+    mesh = file.mesh({"attributes": arrays, "indices": corners})
+    nodes = [{"mesh": mesh, "translation": [2 * i, 0, 0]} for i in range(1 + is_instanced)]
+    file.json |= {"nodes": nodes, "scenes": [{"nodes": list(range(len(nodes)))}]}
+    path, low = file.write(tmp_path / "a.glb"), tmp_path / "low.glb"
+    counts = []
+    for drop_hidden in (False, True):
+        done = simplify_file(path, low, SimplifyOptions(n_faces=1_000, drop_hidden=drop_hidden))
+        x, y, z = read_mesh(low).positions.T
+        in_window = (np.hypot(x, y) < 0.3) & (z > 0.3) & (z < 0.41)
+        counts.append(np.count_nonzero(in_window))
+        is_told = any("hardly seen" in note for note in done.report.notes)
+        assert is_told == (drop_hidden and not is_instanced)
+    assert (counts[1] > 1.4 * counts[0]) == (not is_instanced)
 
 
 def test_groups_are_what_they_were(ball):

@@ -114,7 +114,7 @@ def windowed_box():
     return join_meshes([scaled(icosphere(4), 0.4), top, bottom, *pairs])
 
 
-@pytest.mark.parametrize("size", [1e-6, 1e6])
+@pytest.mark.parametrize("size", [1e-160, 1e160])
 def test_surfaces_count_less_where_little_of_them_is_seen(size):
     mesh = scaled(windowed_box(), size, (0.0, size, 0.0))
     found = shares(mesh, threads=1)
@@ -124,6 +124,15 @@ def test_surfaces_count_less_where_little_of_them_is_seen(size):
     assert found[:n][heights < 0.0].max() < 0.1
     assert found[:n][heights > 0.35].mean() > 5.0 * found[:n][heights < 0.0].mean()
     np.testing.assert_array_equal(found, shares(mesh, threads=3))
+
+
+def test_surfaces_count_less_also_between_vertices_that_cast_rays_far_apart(monkeypatch):
+    mesh = windowed_box()
+    monkeypatch.setattr("texbake.raycast.openness._MOST", mesh.n_vertices // 60)
+    n = icosphere(4).n_vertices
+    found, heights = shares(mesh)[:n], mesh.positions[:n, 2]
+    assert found[heights < 0.0].max() < 0.1
+    assert found[heights > 0.35].mean() > 0.5
 
 
 def test_all_surfaces_count_alike_where_hardly_any_is_hidden_or_all_is_of_glass():

@@ -551,6 +551,8 @@ static void share_vertex(struct simplification *s, int32_t vertex, int32_t half)
     }
     s->n_wedges[half] = s->n_wedges[vertex];
     s->mesh.is_fixed[half] = false;
+    if (s->importance)
+        s->importance[s->vertex_ids[half]] = s->importance[s->vertex_ids[vertex]];
     if (s->places.points != NULL)
         share_places(&s->mesh, &s->places, s->vertex_ids, vertex, half);
     update_around(s, half);

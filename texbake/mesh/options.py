@@ -219,8 +219,8 @@ class SimplifyOptions(CheckedOptions):
     )
     drop_hidden: bool = option(
         False,
-        f"{HIDDEN_PARTS}, and simplify surfaces more that are hardly seen. Transparent materials "
-        "hide nothing.",
+        f"{HIDDEN_PARTS}, and simplify barely visible surfaces more. Transparent materials hide "
+        "nothing.",
     )
     orientation: Annotated[str, ORIENTATION_OPTION] = DEFAULT_ORIENTATION
     join_objects: Annotated[bool, JOIN_OBJECTS_OPTION] = False

@@ -46,13 +46,13 @@ def hidden_faces(
     """
     welded = weld_vertices(mesh, threads=threads)[mesh.faces]
     parts, n_parts = face_components(welded, mesh.n_vertices)
-    is_wall = _walls(mesh, parts, n_parts, is_opaque, is_one_sided)
+    frame = LocalFrame.around(mesh)
+    local = mesh.replace(positions=frame.to_local(mesh.positions))
+    is_wall = _walls(local, parts, n_parts, is_opaque, is_one_sided)
     is_seen, meets_other = np.zeros((2, n_parts), dtype=np.bool_)
     if n_parts < 2 or not is_wall.any():
         return np.zeros(mesh.n_faces, dtype=np.bool_)
-    frame = LocalFrame.around(mesh)
     scene = RayScene.build(excerpt(mesh, is_wall), frame, compact=True, threads=threads)
-    local = mesh.replace(positions=frame.to_local(mesh.positions))
     areas = face_areas(local.positions, local.faces, threads=threads)
     shares = areas / max(math.fsum(areas), 1e-300)
     left = _MOST_POINTS * points_allowed(local)
@@ -82,6 +82,7 @@ def visible_shares(
     """
     places = weld_vertices(mesh, threads=threads)
     faces = places[mesh.faces]
+    mesh = mesh.replace(positions=LocalFrame.around(mesh).to_local(mesh.positions))
     parts, n_parts = face_components(faces, mesh.n_vertices)
     walls = faces[_walls(mesh, parts, n_parts, is_opaque, is_one_sided)]
     if not len(walls):

@@ -6,6 +6,8 @@ get the mean of those nearby.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from texbake.core import portable_math as pm
@@ -16,7 +18,7 @@ from texbake.raycast.rays import OPEN, Hemispheres, OcclusionRange, direction_se
 from texbake.raycast.scene import RayScene
 
 # Rays per vertex, every how many vertices cast rays, and how many do at most. In each round, all
-# vertices are averaged with their neighbors.
+# vertices are averaged with their neighbors: more often where those that cast rays are far apart.
 _RAYS, _STRIDE, _MOST = 8, 4, 8192
 _ROUNDS = 4
 # Rays start this far above the surface, in local units.
@@ -61,7 +63,7 @@ def openness(
     sums, counts = np.zeros(n), np.zeros(n)
     sums[chosen], counts[chosen] = found, 1.0
     tails, heads = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS * math.isqrt(step // _STRIDE)):
         for values in (sums, counts):
             values += np.bincount(tails, values[heads], minlength=n)
     mean = float(found.mean()) if len(found) else 1.0

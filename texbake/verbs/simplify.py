@@ -134,8 +134,6 @@ def simplify_levels(
     if options.drop_hidden:
         with Stages(progress).stage("find hidden surfaces"):
             importance = materials.visible_shares(high, threads=threads)
-    if importance is not None:
-        notes = (*notes, _HIDDEN)
     if options.max_memory is not None and source is None and read.n_faces > _most(options):
         notes = (*notes, _WHOLE.format(mesh=Path(mesh).name))
     results = []
@@ -239,6 +237,8 @@ def _level(
             given, count, error=options.error, quality=options.quality, seams=options.seams,
             source=source, importance=importance, threads=threads, progress=progress,
         )  # fmt: skip
+        if importance is not None and made.n_faces < given.n_faces:
+            figures = replace(figures, notes=(_HIDDEN, *figures.notes))
         low, of_low = restored(made)
         return low, figures, of_low
 

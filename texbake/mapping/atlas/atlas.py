@@ -65,7 +65,7 @@ _BEST_STRETCH = 1.09
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
 _JOIN_WORK = {"good": 300, "best": 1000}
-# By default, `good` joins charts whose seams are not hidden if borders else get this much longer.
+# By default, `good` joins charts whose seams are not hidden if hidden ones would be longer by this.
 _HIDDEN_LENGTH = 1.05
 # If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
 _CLEARLY_BETTER = 0.7
