@@ -305,17 +305,40 @@ def test_seams_are_kept_or_dropped_as_asked(quality):
         simplify(mesh, 100, seams="none")
 
 
-def test_kept_texture_coordinates_outlive_hard_edges():
+@pytest.mark.parametrize("seams", ["auto", "keep"])
+def test_kept_texture_coordinates_outlive_hard_edges(seams):
     mesh = icosphere(3)
     # A flat normal for every other face, on a surface that is not flat-shaded as a whole.
     corners = np.where((np.arange(mesh.n_faces) % 2 == 0)[:, None], mesh.faces[:, :1], mesh.faces)
     mesh = mesh.replace(
         normals=mesh.positions, normal_faces=corners, uvs=mesh.positions[:, :2], uv_faces=mesh.faces
     )
-    low, report = simplify_with_report(mesh, 100, seams="keep")
+    low, report = simplify_with_report(mesh, 100, seams=seams)
     assert (low.n_faces, low.normals) == (100, None)
     assert low.uvs is not None
     assert report.notes == ("too few faces to keep the hard edges",)
+
+
+@pytest.mark.parametrize("seams", ["auto", "drop"])
+@pytest.mark.parametrize(("n_faces", "is_hard"), [(200, False), (800, True)])
+def test_hard_edges_go_where_they_take_the_vertices_from_the_surface(seams, n_faces, is_hard):
+    ball = icosphere(5)
+    cells = np.random.default_rng(4).normal(size=(50, 3))
+    cells /= np.linalg.norm(cells, axis=1)[:, None]
+    cell = (ball.positions[ball.faces].mean(axis=1) @ cells.T).argmax(axis=1)
+    corners = np.stack([ball.faces, np.repeat(cell[:, None], 3, axis=1)], axis=-1).reshape(-1, 2)
+    rows, normal_faces = np.unique(corners, axis=0, return_inverse=True)
+    smooth = ball.replace(uvs=ball.positions[:, :2], uv_faces=ball.faces)
+    mesh = smooth.replace(
+        normals=ball.positions[rows[:, 0]] + 0.3 * cells[rows[:, 1]],
+        normal_faces=normal_faces.reshape(-1, 3),
+    )
+    low, report = simplify_with_report(mesh, n_faces, seams=seams)
+    assert low.n_faces == n_faces
+    assert (low.normals is not None, low.uvs is not None) == (is_hard, seams == "auto")
+    assert report.notes == (() if is_hard else ("too few faces to keep the hard edges",))
+    of_smooth = simplify_with_report(smooth, n_faces, seams=seams)[1].distance
+    assert of_smooth.rms <= report.distance.rms < 1.6 * of_smooth.rms
 
 
 @BOTH

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -36,7 +36,7 @@ from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, without_borders
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.piecewise import bring_down
-from texbake.mesh.refit import refitted
+from texbake.mesh.refit import refitted, vertices_of_hard_edges
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import (
     with_nearest_attributes,
@@ -46,10 +46,7 @@ from texbake.mesh.triangle_tree import (
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-_GIVEN_UP = "too few faces to keep the"
-
 _DROPPED = "small separate parts were dropped"
-
 # A result this much under the count is tried again, this often at most.
 SLACK = 0.01
 _TRIES = 6
@@ -62,6 +59,9 @@ _ENOUGH = 0.75
 
 # An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
 _ABOUT_AS_CLOSE = 1.5
+
+# Hard edges at more than this part of the vertices may go before the count needs it.
+_MANY_HARD = 0.25
 
 # Parts that cannot all stay may take up these parts of the faces.
 _PARTS_SHARES = (0.25, 0.5, 1.0)
@@ -128,6 +128,15 @@ def reduced(
         drops=not shades, gives_up=gives_up,
     )  # fmt: skip
     result = _fast(mesh, attempts, n_faces, threads, gives_up=gives_up)
+    low = result.mesh
+    is_whole = low.n_faces <= n_faces and not result.notes
+    many = _MANY_HARD * low.n_vertices
+    if is_whole and gives_up and not shades and len(vertices_of_hard_edges(low)) > many:
+        smooth = mesh.replace(normals=None, normal_faces=None)
+        other = again(smooth, options=replace(options, quality="fast"), lifts=False)
+        other = replace(other, notes=(_too_few_for(["hard edges"]), *other.notes))
+        if other.mesh.n_faces <= n_faces:
+            result = _first_about_as_close(mesh, [result, other], threads)
     if options.quality == "best" and start.normals is None:
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
@@ -190,8 +199,15 @@ def _fast(
             if notes == (APART,):
                 break
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
-    if len(reached) < 2:
+    if not reached:
         return min(results, key=lambda result: result.mesh.n_faces)
+    return _first_about_as_close(mesh, reached, threads)
+
+
+def _first_about_as_close(mesh: Mesh, reached: list[Reduction], threads: int | None) -> Reduction:
+    """The first result that, by measure, lies about as close to a mesh as any."""
+    if len(reached) == 1:
+        return reached[0]
     distances = [_compared_distance(mesh, result.mesh, threads)[0] for result in reached]
     good = _ABOUT_AS_CLOSE * min(distances)
     return next(
@@ -259,29 +275,27 @@ def _attempts(
 ) -> Iterator[_Attempt]:
     """Yield attempts to reach the count, each giving up more than the one before, if it may."""
     notes: tuple[str, ...] = ()
+    given_up: list[str] = []
     while True:
         if stream.has_bad_edges:
             stream = stream.without_copies()
         if boundary_fits(stream, n_faces):
             yield stream, partial(collapse_stream, stream, lock_boundary=True), _COLLAPSES, notes
-        yield stream, partial(collapse_stream, stream), _COLLAPSES, notes
+        collapse = cache(partial(collapse_stream, stream))
+        yield stream, collapse, _COLLAPSES, notes
         if not gives_up:
             break
         apart = with_surfaces_apart(stream) if stream.has_bad_edges else stream
         if apart is not stream:
             yield apart, partial(collapse_stream, apart), _COLLAPSES, (*notes, APART)
-        for large in _without_small_parts(stream, n_faces) if drops else ():
+        for large in _without_small_parts(stream, n_faces, collapse) if drops else ():
             yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
-        given_up = replace(stream, uv_ids=None) if seams == "keep" else stream
-        if stream.is_smooth:
-            given_up = replace(given_up, normal_ids=None)
-        if not given_up.has_seams:
+        seams_of, mesh = _without_next_seams(mesh, stream, seams)
+        if not seams_of:
             break
-        notes = (f"{_GIVEN_UP} {_seams(given_up)}",)
-        smooth = without_borders(mesh.replace(normals=None, normal_faces=None))
-        if seams != "keep":
-            smooth = smooth.replace(uvs=None, uv_faces=None)
-        stream = weld_corners(smooth, importance=importance, threads=threads)
+        given_up += seams_of
+        notes = (_too_few_for(given_up),)
+        stream = weld_corners(mesh, importance=importance, threads=threads)
         stream = bring_down(stream, n_faces, threads=threads)
     if gives_up and drops and stream.has_bad_edges:
         cut = replace(with_surfaces_apart(stream, opens=True), keeps_topology=False)
@@ -289,7 +303,29 @@ def _attempts(
     yield stream, lambda _: stream.faces, _COLLAPSES, notes
 
 
-def _without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexStream]:
+def _without_next_seams(mesh: Mesh, stream: VertexStream, seams: str) -> tuple[list[str], Mesh]:
+    """What seams of its stream a mesh gives up next, and the mesh without: hard edges first."""
+    mesh = mesh.replace(normals=None, normal_faces=None)
+    if stream.normal_ids is not None and not stream.is_smooth:
+        return ["hard edges"], mesh
+    given_up = []
+    if stream.uv_ids is not None and seams != "keep":
+        given_up.append("texture coordinates")
+        mesh = mesh.replace(uvs=None, uv_faces=None)
+    if stream.group_ids is not None:
+        given_up.append("borders of groups or materials")
+        mesh = without_borders(mesh)
+    return given_up, mesh
+
+
+def _too_few_for(seams: list[str]) -> str:
+    *others, last = seams
+    return f"too few faces to keep the {', '.join(others)}{' and ' if others else ''}{last}"
+
+
+def _without_small_parts(
+    stream: VertexStream, n_faces: int, collapse: Callable[[int], IntArray]
+) -> Iterator[VertexStream]:
     """Yield the stream without its smallest parts, with ever more of them."""
     corners = stream.vertices[0][stream.faces]
     parts, n_parts = face_components(corners, int(corners.max()) + 1)
@@ -298,7 +334,8 @@ def _without_small_parts(stream: VertexStream, n_faces: int) -> Iterator[VertexS
     part_of = np.zeros(len(stream.points), dtype=np.intp)
     part_of[stream.faces] = parts[:, None]
     has_edges = n_parts < len(stream.faces)  # between faces; of loose triangles none can collapse
-    least = collapse_stream(stream, 0) if has_edges else with_three_places(stream, stream.faces)
+    least = collapse(n_faces) if has_edges else with_three_places(stream, stream.faces)
+    least = collapse(0) if has_edges and len(least) <= n_faces else least
     fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
     for corner in range(3):
@@ -329,16 +366,6 @@ def _brought_to(n_faces: int, make: Callable[[int], Mesh | None]) -> Mesh | None
             break
         n_asked += n_faces - n_left
     return nearest
-
-
-def _seams(stream: VertexStream) -> str:
-    names = {
-        "texture coordinates": stream.uv_ids,
-        "hard edges": stream.normal_ids,
-        "borders of groups or materials": stream.group_ids,
-    }
-    *others, last = (name for name, ids in names.items() if ids is not None)
-    return f"{', '.join(others)} and {last}" if others else last
 
 
 def _moved(mesh: Mesh, start: VertexStream, n_faces: int, threads: int | None) -> Mesh | None:

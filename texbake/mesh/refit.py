@@ -133,7 +133,7 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     fit = _Fit(source, of_source[~later_copies(of_source)], faces, threads)
     has_attributes = low.uv_faces is not None or low.normal_faces is not None
     freedoms = np.full(len(before), 1 if has_attributes else 2, dtype=np.uint8)
-    freedoms[_vertices_of_hard_edges(low)] = 2
+    freedoms[vertices_of_hard_edges(low)] = 2
     freedoms[fit.edges.vertices[fit.edges.n_faces != 2]] = 0
     points, samples = before, fit.samples(before)
     is_exact = samples.is_exact
@@ -155,7 +155,7 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     return low.replace(positions=low.positions + grid.length_to_model(points - before))
 
 
-def _vertices_of_hard_edges(mesh: Mesh) -> IndexArray:
+def vertices_of_hard_edges(mesh: Mesh) -> IndexArray:
     """Vertices with more than one normal, which may leave none of the sides for the other."""
     if mesh.normal_faces is None:
         return np.empty(0, dtype=np.intp)
