@@ -136,7 +136,7 @@ class Budget:
                 return large
             if trial.db < aim:  # it is the finest
                 break
-            aim += (number + 1) * (db - large.db) + _CLOSE_DB
+            aim = trial.db + (number + 1) * (db - large.db) + _CLOSE_DB
         else:
             large = self._in_large_pictures(self._trial(self._ladder()[0], _UNLIMITED))
         if large.db < db:
