@@ -319,6 +319,33 @@ def test_kept_texture_coordinates_outlive_hard_edges(seams):
     assert report.notes == ("too few faces to keep the hard edges",)
 
 
+@pytest.mark.parametrize(
+    ("n_charts", "n_faces", "seams", "is_kept"),
+    [(200, 700, "auto", False), (200, 700, "keep", True), (100, 600, "auto", True)],
+)
+def test_texture_coordinates_go_where_their_seams_flatten_the_surface(
+    n_charts, n_faces, seams, is_kept
+):
+    """Small charts at one pole of a ball take nearly all vertices."""
+    ball = icosphere(5)
+    heights = 1.0 - 0.3 * (np.arange(n_charts) + 0.5) / n_charts
+    angles = np.arange(n_charts) * math.pi * (3.0 - math.sqrt(5.0))
+    around = np.stack([np.cos(angles), np.sin(angles)]) * np.sqrt(1.0 - heights**2)
+    centers = ball.positions[ball.faces].mean(axis=1)
+    charts = (centers @ np.vstack([around, heights])).argmax(axis=1) + 1
+    charts[centers[:, 2] < 0.68] = 0
+    corners = np.stack([ball.faces, np.repeat(charts[:, None], 3, axis=1)], axis=-1).reshape(-1, 2)
+    rows, uv_faces = np.unique(corners, axis=0, return_inverse=True)
+    uvs = 0.5 * ball.positions[rows[:, 0], :2] + rows[:, 1:]
+    mesh = ball.replace(uvs=uvs, uv_faces=uv_faces.reshape(-1, 3).astype(np.int32))
+    low, report = simplify_with_report(mesh, n_faces, seams=seams, quality="fast")
+    assert low.n_faces == n_faces
+    assert (low.uvs is not None) == is_kept
+    assert report.notes == (() if is_kept else ("too few faces to keep the texture coordinates",))
+    if seams == "auto":
+        assert report.distance.rms < 0.005 * mesh.diagonal
+
+
 @pytest.mark.parametrize("seams", ["auto", "drop"])
 @pytest.mark.parametrize(("n_faces", "is_hard"), [(200, False), (800, True)])
 def test_hard_edges_go_where_they_take_the_vertices_from_the_surface(seams, n_faces, is_hard):

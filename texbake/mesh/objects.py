@@ -12,6 +12,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from texbake.core import portable_math as pm
+from texbake.mesh.compose import face_fields
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.mesh import BoolArray, IntArray, Mesh, frozen
 from texbake.mesh.topology import opposite_half_edges
@@ -183,3 +184,11 @@ def _common_name(names: list[str]) -> str:
     if len(heads) > 1:  # primitives of a glTF mesh
         heads = {name.rpartition(" ")[0] for name in names}
     return (len(heads) == 1 and heads.pop()) or names[0]
+
+
+def object_by_object(mesh: Mesh) -> Mesh:
+    """Order faces by object: Blender reads a name that an OBJ file repeats as another object."""
+    if not mesh.group_objects or mesh.face_groups is None:
+        return mesh
+    order = np.lexsort([mesh.face_groups, np.array(mesh.group_objects)[mesh.face_groups]])
+    return mesh.replace(**face_fields(mesh, order))

@@ -205,9 +205,9 @@ class SimplifyOptions(CheckedOptions):
     seams: str = option(
         "auto",
         "Seams of texture coordinates: keep them while the number of triangles can be reached "
-        "with them (auto), keep them and more triangles if need be (keep), or leave texture "
-        "coordinates out (drop), which mostly brings the result closer to the surface; unwrap "
-        "then makes new charts.",
+        "with them and the surface stays close (auto), keep them and more triangles if need be "
+        "(keep), or leave texture coordinates out (drop), which mostly brings the result closer to "
+        "the surface; unwrap then makes new charts.",
         choices=("auto", "keep", "drop"),
     )
     topology: str = option(

@@ -17,7 +17,6 @@ from functools import cache, partial
 import numpy as np
 
 from texbake.errors import MeshError
-from texbake.mesh.compose import face_fields
 from texbake.mesh.decals import Decals
 from texbake.mesh.decimate import (
     VertexStream,
@@ -33,10 +32,10 @@ from texbake.mesh.deformation import Deformation, Morph
 from texbake.mesh.distance import SurfaceDistance, surface_distance
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
-from texbake.mesh.objects import has_borders, without_borders
+from texbake.mesh.objects import has_borders, object_by_object, without_borders
 from texbake.mesh.options import SimplifyOptions
 from texbake.mesh.piecewise import bring_down
-from texbake.mesh.refit import refitted, vertices_of_hard_edges
+from texbake.mesh.refit import refitted, split_vertices
 from texbake.mesh.topology import face_components
 from texbake.mesh.triangle_tree import (
     with_nearest_attributes,
@@ -60,8 +59,10 @@ _ENOUGH = 0.75
 # An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
 _ABOUT_AS_CLOSE = 1.5
 
-# Hard edges at more than this part of the vertices may go before the count needs it.
-_MANY_HARD = 0.25
+# Hard edges at more than this part of the vertices may go before the count needs it. If more than
+# another part lie at seams, so may small parts, and texture coordinates if that is much closer.
+_MANY_HARD, _MANY_SEAMS = 0.25, 0.7
+_MUCH_CLOSER = 4.0
 
 # Parts that cannot all stay may take up these parts of the faces.
 _PARTS_SHARES = (0.25, 0.5, 1.0)
@@ -131,7 +132,7 @@ def reduced(
     low = result.mesh
     is_whole = low.n_faces <= n_faces and not result.notes
     many = _MANY_HARD * low.n_vertices
-    if is_whole and gives_up and not shades and len(vertices_of_hard_edges(low)) > many:
+    if is_whole and gives_up and not shades and len(split_vertices(low, low.normal_faces)) > many:
         smooth = mesh.replace(normals=None, normal_faces=None)
         other = again(smooth, options=replace(options, quality="fast"), lifts=False)
         other = replace(other, notes=(_too_few_for(["hard edges"]), *other.notes))
@@ -148,14 +149,6 @@ def reduced(
     return replace(
         result, mesh=object_by_object(with_nearest_attributes(reduced_mesh, mesh, threads))
     )
-
-
-def object_by_object(mesh: Mesh) -> Mesh:
-    """Order faces by object: Blender reads a name that an OBJ file repeats as another object."""
-    if not mesh.group_objects or mesh.face_groups is None:
-        return mesh
-    order = np.lexsort([mesh.face_groups, np.array(mesh.group_objects)[mesh.face_groups]])
-    return mesh.replace(**face_fields(mesh, order))
 
 
 def _is_without_charts(mesh: Mesh) -> bool:
@@ -194,9 +187,11 @@ def _fast(
             notes = (*notes, _DROPPED)
         results.append(Reduction(low, stream, method, notes))
         if _ENOUGH * n_faces <= low.n_faces <= n_faces:
-            if not notes and not (gives_up and stream.has_bad_edges):
+            seams = len(split_vertices(low, low.uv_faces))
+            is_crowded = gives_up and seams > _MANY_SEAMS * low.n_vertices
+            if not notes and not (gives_up and stream.has_bad_edges) and not is_crowded:
                 return results[-1]
-            if notes == (APART,):
+            if notes == (APART,) and not is_crowded:
                 break
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
     if not reached:
@@ -209,6 +204,9 @@ def _first_about_as_close(mesh: Mesh, reached: list[Reduction], threads: int | N
     if len(reached) == 1:
         return reached[0]
     distances = [_compared_distance(mesh, result.mesh, threads)[0] for result in reached]
+    if reached[0].mesh.uvs is not None:
+        losses = [_MUCH_CLOSER / _ABOUT_AS_CLOSE if r.mesh.uvs is None else 1.0 for r in reached]
+        distances = [distance * loss for distance, loss in zip(distances, losses, strict=True)]
     good = _ABOUT_AS_CLOSE * min(distances)
     return next(
         result for result, distance in zip(reached, distances, strict=True) if distance <= good

@@ -133,7 +133,7 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     fit = _Fit(source, of_source[~later_copies(of_source)], faces, threads)
     has_attributes = low.uv_faces is not None or low.normal_faces is not None
     freedoms = np.full(len(before), 1 if has_attributes else 2, dtype=np.uint8)
-    freedoms[vertices_of_hard_edges(low)] = 2
+    freedoms[split_vertices(low, low.normal_faces)] = 2
     freedoms[fit.edges.vertices[fit.edges.n_faces != 2]] = 0
     points, samples = before, fit.samples(before)
     is_exact = samples.is_exact
@@ -155,11 +155,11 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     return low.replace(positions=low.positions + grid.length_to_model(points - before))
 
 
-def vertices_of_hard_edges(mesh: Mesh) -> IndexArray:
-    """Vertices with more than one normal, which may leave none of the sides for the other."""
-    if mesh.normal_faces is None:
+def split_vertices(mesh: Mesh, ids: IntArray | None) -> IndexArray:
+    """Vertices whose corners have several `ids` (F, 3): normals, or texture coordinates."""
+    if ids is None:
         return np.empty(0, dtype=np.intp)
-    pairs = np.unique(np.stack([mesh.faces.ravel(), mesh.normal_faces.ravel()], axis=1), axis=0)
+    pairs = np.unique(np.stack([mesh.faces.ravel(), ids.ravel()], axis=1), axis=0)
     return np.flatnonzero(np.bincount(pairs[:, 0], minlength=mesh.n_vertices) > 1)
 
 

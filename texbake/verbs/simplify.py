@@ -212,8 +212,8 @@ def _level(
     from texbake.mapping.overlap import layout_notes
     from texbake.mesh.compose import excerpt
     from texbake.mesh.hard_edges import with_normals
+    from texbake.mesh.objects import object_by_object
     from texbake.mesh.part_sizes import simplified_once
-    from texbake.mesh.reduction import object_by_object
     from texbake.mesh.repeated_parts import RepeatedParts
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
     from texbake.mesh.triangle_tree import with_nearest_attributes
