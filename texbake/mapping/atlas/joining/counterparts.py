@@ -19,8 +19,9 @@ from texbake.mapping.atlas.joining.stitch import ChartMerge, MergeTolerance, fin
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.records import dataclass
 
-# A chart in the middle may be larger by this factor: two halves would need one more seam.
-_MIDDLE = 5.0
+# A chart in the middle may be larger by this factor: two halves would need one more seam. The other
+# factor holds where it is joined at a hard edge, whose weight is below the last number.
+_MIDDLE, _MIDDLE_HARD, _HARD = 5.0, 2.5, 0.5
 _MOST_WEIGHT = 16.0  # of an edge, in units of the mean
 # Factor on the cost of joining a piece and its counterpart, whose seam would run down the middle.
 _PAIR_COST = 0.3
@@ -81,7 +82,10 @@ def find_planned_merge(
 ) -> ChartMerge | None:
     """Flatten the unions of a plan; None if one of the joins is impossible."""
     if plan.counterpart == "self":
-        scale = replace(scale, chart_area=_MIDDLE * scale.chart_area)
+        one, other = (pieces[index] for index in plan.groups[0][:2])
+        is_hard = _mean_weight(one, other, opposite, weights) < _HARD
+        factor = _MIDDLE_HARD if is_hard else _MIDDLE
+        scale = replace(scale, chart_area=factor * scale.chart_area)
     merges: list[ChartMerge] = []
     unions = []
     seams: list[float] = []  # their mean weights
