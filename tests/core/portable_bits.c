@@ -127,7 +127,7 @@ static void run_meshes(void)
         rows[i] = i;
     collapse_edges(
         N_VERTICES, N_VERTICES, N_FACES, N_VERTICES, 0, 0, rows, kept, left, rows, uvs, NULL, NULL,
-        NULL, NULL, 0.0, 500, true, false, false);
+        NULL, NULL, NULL, 0.0, 500, true, false, false);
     REPORT("collapse_edges", kept);
     REPORT("its faces", left);
 }
