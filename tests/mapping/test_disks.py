@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.cutting.parts import ChartLimits, Part, disk_charts, step_lengths
 from texbake.mapping.corner_uvs import surface_areas
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.shapes import _geodesic_sphere, cube, plane
 from texbake.mesh.topology import opposite_half_edges
@@ -16,7 +16,7 @@ def laid(mesh, most_l2, *, length=np.inf, area=np.inf):
     lengths = step_lengths(mesh.positions, mesh.faces, opposite)
     total_area = float(surface_areas(mesh.positions[mesh.faces]).sum())
     limits = ChartLimits(l2=most_l2, length=length, area=area, flat_area=0.0, total_area=total_area)
-    normals = face_crosses(mesh.positions, mesh.faces)
+    normals = area_vectors(mesh.positions, mesh.faces)
     weights = np.ones((mesh.n_faces, 3))
     pieces, left = disk_charts(
         mesh.positions, mesh.faces, normals, lengths, weights, [part], limits=limits

@@ -10,12 +10,13 @@ import texbake
 from tests.models import HAS_REAL, model, real
 from texbake import Mesh, OptionError, UnwrapOptions, distortion, unwrap
 from texbake.errors import MeshError, UnwrapError
-from texbake.mapping.atlas.bevels import angles_between, face_crosses
+from texbake.mapping.atlas.bevels import angles_between
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap_together, unwrap_with_report
 from texbake.mesh.compose import join_meshes
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
 from texbake.mesh.topology import opposite_half_edges
 from texbake.mesh.weld import weld_rows
@@ -294,7 +295,7 @@ def test_a_plate_with_beveled_holes_is_cut_at_hard_edges_in_fast(name):
     corners = weld_rows(mesh.positions)[mesh.faces]
     opposite = opposite_half_edges(corners)
     edges = np.flatnonzero(seams & (opposite >= 0))
-    crosses = face_crosses(mesh.positions, corners)
+    crosses = area_vectors(mesh.positions, corners)
     angles = angles_between(crosses[edges // 3], crosses[opposite[edges] // 3])
     steps = mesh.positions[np.roll(corners, -1, axis=1)] - mesh.positions[corners]
     lengths = np.linalg.norm(steps.reshape(-1, 3)[edges], axis=1)

@@ -62,6 +62,11 @@ class VertexStream:
         """Whether vertices differ in more than their positions."""
         return any(ids is not None for ids in (self.uv_ids, self.normal_ids, self.group_ids))
 
+    @property
+    def has_hard_edges(self) -> bool:
+        """Whether vertices differ in normals at one position."""
+        return self.normal_ids is not None and not self.is_smooth
+
     @cached_property
     def vertices(self) -> tuple[IntArray, FloatArray]:
         """(S,) int32 number of each stream vertex's position among those used, and their points."""

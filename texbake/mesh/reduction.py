@@ -59,8 +59,8 @@ _ENOUGH = 0.75
 # An attempt that gives up less is taken up to this multiple of the least RMS distance of any.
 _ABOUT_AS_CLOSE = 1.5
 
-# Hard edges at more than this part of the vertices may go before the count needs it. If more than
-# another part lie at seams, so may small parts, and texture coordinates if that is much closer.
+# Where more than these parts of the vertices lie at hard edges or at seams of texture coordinates,
+# these may go before the count needs it, texture coordinates if the surface is much closer without.
 _MANY_HARD, _MANY_SEAMS = 0.25, 0.7
 _MUCH_CLOSER = 4.0
 
@@ -129,15 +129,6 @@ def reduced(
         drops=not shades, gives_up=gives_up,
     )  # fmt: skip
     result = _fast(mesh, attempts, n_faces, threads, gives_up=gives_up)
-    low = result.mesh
-    is_whole = low.n_faces <= n_faces and not result.notes
-    many = _MANY_HARD * low.n_vertices
-    if is_whole and gives_up and not shades and len(split_vertices(low, low.normal_faces)) > many:
-        smooth = mesh.replace(normals=None, normal_faces=None)
-        other = again(smooth, options=replace(options, quality="fast"), lifts=False)
-        other = replace(other, notes=(_too_few_for(["hard edges"]), *other.notes))
-        if other.mesh.n_faces <= n_faces:
-            result = _first_about_as_close(mesh, [result, other], threads)
     if options.quality == "best" and start.normals is None:
         result = _best(mesh, result, n_faces, threads)
     note = _why_not(result, n_faces)
@@ -179,34 +170,35 @@ def _fast(
 ) -> Reduction:
     """The first attempt that reaches the count and, by measure, lies about as close as any."""
     results: list[Reduction] = []
+    given_up: tuple[str, ...] = ()  # without need
     for stream, reduce, method, notes in attempts:
+        if given_up and stream.has_hard_edges:
+            continue
         low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
         if low is None:
             continue
         if CUT in notes and _has_lost_parts(mesh, stream, low):
             notes = (*notes, _DROPPED)
         results.append(Reduction(low, stream, method, notes))
-        if _ENOUGH * n_faces <= low.n_faces <= n_faces:
-            seams = len(split_vertices(low, low.uv_faces))
-            is_crowded = gives_up and seams > _MANY_SEAMS * low.n_vertices
-            if not notes and not (gives_up and stream.has_bad_edges) and not is_crowded:
-                return results[-1]
-            if notes == (APART,) and not is_crowded:
-                break
+        if not _ENOUGH * n_faces <= low.n_faces <= n_faces:
+            continue
+        if not gives_up:
+            break
+        sides = (low.uv_faces, low.normal_faces)
+        at_seams, at_hard = (len(split_vertices(low, ids)) / low.n_vertices for ids in sides)
+        if at_seams > _MANY_SEAMS:
+            continue
+        if at_hard > _MANY_HARD and not notes and stream.normals is None:
+            given_up = (_too_few_for(["hard edges"]),)
+        elif (notes == given_up and not stream.has_bad_edges) or notes == (*given_up, APART):
+            break
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
-    if not reached:
+    if len(reached) < 2:
         return min(results, key=lambda result: result.mesh.n_faces)
-    return _first_about_as_close(mesh, reached, threads)
-
-
-def _first_about_as_close(mesh: Mesh, reached: list[Reduction], threads: int | None) -> Reduction:
-    """The first result that, by measure, lies about as close to a mesh as any."""
-    if len(reached) == 1:
-        return reached[0]
     distances = [_compared_distance(mesh, result.mesh, threads)[0] for result in reached]
-    if reached[0].mesh.uvs is not None:
-        losses = [_MUCH_CLOSER / _ABOUT_AS_CLOSE if r.mesh.uvs is None else 1.0 for r in reached]
-        distances = [distance * loss for distance, loss in zip(distances, losses, strict=True)]
+    for place, result in enumerate(reached):
+        if reached[0].mesh.uvs is not None and result.mesh.uvs is None:
+            distances[place] *= _MUCH_CLOSER / _ABOUT_AS_CLOSE
     good = _ABOUT_AS_CLOSE * min(distances)
     return next(
         result for result, distance in zip(reached, distances, strict=True) if distance <= good
@@ -304,7 +296,7 @@ def _attempts(
 def _without_next_seams(mesh: Mesh, stream: VertexStream, seams: str) -> tuple[list[str], Mesh]:
     """What seams of its stream a mesh gives up next, and the mesh without: hard edges first."""
     mesh = mesh.replace(normals=None, normal_faces=None)
-    if stream.normal_ids is not None and not stream.is_smooth:
+    if stream.has_hard_edges:
         return ["hard edges"], mesh
     given_up = []
     if stream.uv_ids is not None and seams != "keep":

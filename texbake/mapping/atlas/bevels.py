@@ -14,6 +14,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.records import dataclass
 
@@ -46,7 +47,7 @@ def find_bevels(points: FloatArray, corners: IntArray, opposite: IntArray) -> Be
     """Find bevels, of faces with `corners` (F, 3); `opposite` (3 F,) int32, -1 for none."""
     edges = np.flatnonzero(opposite >= 0).astype(np.int32)
     one, other = edges // 3, opposite[edges] // 3
-    crosses = face_crosses(points, corners)
+    crosses = area_vectors(points, corners)
     angles = angles_between(crosses[one], crosses[other])
     flat = angles < _COPLANAR
     labels = merged_labels(len(corners), one[flat], other[flat])
@@ -83,12 +84,6 @@ def _perimeters(
     lengths[within] = 0.0
     sums = np.bincount(np.repeat(labels, 3), lengths, minlength=len(labels))
     return np.where(sums > 0.0, sums, np.inf)
-
-
-def face_crosses(points: FloatArray, corners: IntArray) -> FloatArray:
-    """(F, 3) normals of faces, as long as twice their area."""
-    a, b, c = (points[corners[:, i]] for i in range(3))
-    return np.asarray(np.cross(b - a, c - a))
 
 
 def angles_between(normals: FloatArray, others: FloatArray) -> FloatArray:

@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from texbake.core import portable_math as pm
-from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import ChartSurface
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.mesh import FloatArray, IntArray
 from texbake.mesh.symmetry import MirrorPlane
 from texbake.records import dataclass
@@ -138,7 +138,7 @@ def _front(surface: ChartSurface, shown: FloatArray, plane: MirrorPlane | None) 
     if plane is not None:  # detail far from it, such as ears, faces sideways
         heights = np.abs(plane.heights(corners.mean(axis=1)))
         shown = shown * np.maximum(1.0 - heights / (_BESIDE * float(heights.max()) or 1.0), 0.0)
-    normals = face_crosses(surface.points, surface.corners)
+    normals = area_vectors(surface.points, surface.corners)
     total = float((pm.norm(normals, axis=1) * shown).sum())
     front: FloatArray = (normals * shown[:, None]).sum(axis=0) / (total or 1.0)
     if plane is not None:
@@ -160,7 +160,7 @@ def _turning(points: FloatArray, corners: IntArray) -> tuple[FloatArray, FloatAr
     n = _CELLS + 2  # empty ones around them
     cells = np.minimum((centers - low) * (_CELLS / (size or 1.0)), _CELLS - 1).astype(np.int64) + 1
     keys = (cells[:, 0] * n + cells[:, 1]) * n + cells[:, 2]
-    crosses = face_crosses(points, corners)
+    crosses = area_vectors(points, corners)
     areas = np.maximum(pm.norm(crosses, axis=1), 1e-30)
     normals = crosses / areas[:, None]
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))

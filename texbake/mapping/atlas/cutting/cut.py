@@ -12,7 +12,6 @@ from collections.abc import Callable
 import numpy as np
 
 from texbake.errors import UnwrapError, require_library
-from texbake.mapping.atlas.bevels import face_crosses
 from texbake.mapping.atlas.charts import Charts, ChartSurface, gather_charts
 from texbake.mapping.atlas.cutting.parts import (
     ChartLimits,
@@ -29,6 +28,7 @@ from texbake.mapping.atlas.cutting.xatlas_charts import plain_piece, xatlas_char
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.stretch import longest_squares
+from texbake.mesh.distance import area_vectors
 from texbake.mesh.frame import UnitGrid
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.normals import degenerate_faces
@@ -130,7 +130,7 @@ def cut_charts(
         if area is None:
             area = float(surface_areas(points[corners[solid]]).sum())
         # Where charts are joined, joins along bevels are shorter than cuts along all of them.
-        normals = surface.bevels.normals if quality == "fast" else face_crosses(points, corners)
+        normals = surface.bevels.normals if quality == "fast" else area_vectors(points, corners)
         if surface.seams is None:
             opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
         labels = _labels(points, corners, opposite, surface.polygons, sizes, weights)
