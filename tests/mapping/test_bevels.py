@@ -82,16 +82,14 @@ def test_the_size_of_a_model_changes_no_bevel():
         assert np.allclose(small, large, atol=0.1)
 
 
+@pytest.mark.parametrize("n_triangles", [1_500, 3_000, 6_000])
 @pytest.mark.parametrize("quality", ["fast", "good"])
-def test_seams_leave_the_planes_of_a_beveled_box_whole(quality):
-    mesh = beveled_box(3_000)
+def test_seams_leave_the_planes_of_a_beveled_box_whole(quality, n_triangles):
+    mesh = beveled_box(n_triangles)
     cut = seam_edges(unwrap(mesh, quality=quality))
     ends = mesh.positions[np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2)[cut]]
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
     middles = np.sort(np.abs(ends.mean(axis=1)), axis=1)
-    is_within = (middles[:, 2] > 0.5 - 1e-9) & (middles[:, 1] < 0.41)
-    # A seam that turns at a corner may cut it off.
-    assert lengths.sum() > 0.0 and lengths[is_within].sum() <= 0.01 * lengths.sum()
+    assert len(ends) and not ((middles[:, 2] > 0.5 - 1e-9) & (middles[:, 1] < 0.41)).any()
 
 
 def test_a_plane_is_flat_as_a_whole():

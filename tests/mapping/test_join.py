@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.models import model, real
 from texbake import Mesh, distortion
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.flatten import flatten
@@ -13,6 +14,8 @@ from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.pieces import hull_area
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.overlap import find_overlaps
+from texbake.mapping.stretch import face_stretch
+from texbake.mapping.unwrap import unwrap
 from texbake.mesh.shapes import cube, icosphere, plane
 
 
@@ -260,3 +263,10 @@ def test_faces_without_a_chart_stay_at_a_point_of_their_vertex(change):
     point = found.faces[5, 0]
     assert (found.faces[5] == point).all() and found.n_ignored == 1
     assert point in found.faces[found.solid][(mesh.faces == mesh.faces[5, 0])[found.solid]]
+
+
+@pytest.mark.parametrize("quality", ["fast", "good"])
+@pytest.mark.parametrize("name", real("meshes/1002_tray_bottom.STL", "pairs/spot/low.obj"))
+def test_no_face_is_crushed(name, quality):
+    mesh = unwrap(model(name), quality=quality)
+    assert face_stretch(mesh).greatest.max() < 5.5

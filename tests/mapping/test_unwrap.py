@@ -144,10 +144,11 @@ def test_groups_get_tiles_of_their_own():
     assert report.distortion.n_tiles == 3
 
 
-def test_more_tiles_hold_more_texels():
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+def test_more_tiles_hold_more_texels(quality):
     mesh = icosphere(3)
     one, four = (
-        unwrap_with_report(mesh, size=256, quality="fast", tiles=n)[1].distortion for n in (1, 4)
+        unwrap_with_report(mesh, size=256, quality=quality, tiles=n)[1].distortion for n in (1, 4)
     )
     assert four.n_tiles > 1 and four.texel_density > 1.5 * one.texel_density
 

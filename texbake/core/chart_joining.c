@@ -47,6 +47,9 @@ static const double NEXT_TO_NOTHING = 0.007;
 /* Largest stretch of a joined chart that is tiny compared with the largest area. */
 static const double MOST_INVISIBLE = 1.25;
 
+/* Largest stretch of a face of a joined chart, unless one of the two has more. */
+static const double MOST_OF_FACE = 5.0;
+
 /* Charts while they join: the chart of each face, and the borders that one shares with others. */
 struct joining {
     int32_t *chart_of; /* -1: none */
@@ -230,6 +233,46 @@ static double excess_of(const struct part *part)
     return part->area * (part->l2 * part->l2 - 1.0);
 }
 
+/* The largest stretch of a face of a part that is laid out, in any direction. */
+static double greatest_stretch(const struct cutting *cutting, const struct part *part)
+{
+    double most = 1.0;
+    for (int64_t face = 0; face < part->n_faces; face++) {
+        const int32_t *corners = cutting->corners[part->face_ids[face]];
+        double first = 0.0, dot = 0.0, second = 0.0, a[2], b[2];
+        for (int axis = 0; axis < 3; axis++) {
+            const double start = cutting->points[corners[0]][axis];
+            const double x = cutting->points[corners[1]][axis] - start;
+            const double y = cutting->points[corners[2]][axis] - start;
+            first += x * x;
+            dot += x * y;
+            second += y * y;
+        }
+        for (int axis = 0; axis < 2; axis++) {
+            const double start = part->uvs[part->faces[face][0]][axis];
+            a[axis] = part->uvs[part->faces[face][1]][axis] - start;
+            b[axis] = part->uvs[part->faces[face][2]][axis] - start;
+        }
+        const double square = first * second - dot * dot, growth = a[0] * b[1] - a[1] * b[0];
+        const double sum = second * (a[0] * a[0] + a[1] * a[1])
+            - 2.0 * dot * (a[0] * b[0] + a[1] * b[1]) + first * (b[0] * b[0] + b[1] * b[1]);
+        const double root = sqrt(max_f64(sum * sum - 4.0 * square * growth * growth, 0.0));
+        if (square > 0.0 && growth > 0.0)
+            most = max_f64(most, sqrt((sum + root) / 2.0) / growth);
+    }
+    return most;
+}
+
+/* Whether a face of a joined chart stretches too much, and more than any face of the two. */
+static bool is_crushed(
+    const struct cutting *cutting, const struct part *joined, const struct part *one,
+    const struct part *other)
+{
+    const double most = greatest_stretch(cutting, joined);
+    return most > MOST_OF_FACE && most > greatest_stretch(cutting, one)
+        && most > greatest_stretch(cutting, other);
+}
+
 /* Whether two charts may be tried as one. */
 static bool may_join(const struct cutting *cutting, const struct part *one, const struct part *other)
 {
@@ -258,7 +301,8 @@ static bool is_good(
     const double most = is_tiny(cutting, one, other)
         ? most_l2 : 1.0 + STRETCH_SHARE * (limits->most_l2 - 1.0);
     return excess_of(joined)
-        <= excess_of(one) + excess_of(other) + joined->area * (most * most - 1.0);
+            <= excess_of(one) + excess_of(other) + joined->area * (most * most - 1.0)
+        && !is_crushed(cutting, joined, one, other);
 }
 
 /* Let a chart join a neighbor; return whether there is one. */

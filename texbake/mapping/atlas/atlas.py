@@ -60,8 +60,8 @@ from texbake.records import dataclass
 _GOOD_LEAST, _GOOD_STRETCH = 1.01, 1.03
 _GOOD_ROOM, _HALVES_ROOM = 1.5, 2.5  # charts of halves are smaller before they are joined
 _BEST_STRETCH = 1.09
-# Greatest extent of a joined chart, in sides of a square as large as all charts. A longer one would
-# set the scale of all others: charts that fill three quarters of a square have one as long.
+# Greatest extent of a joined chart, in sides of a square as large as the charts of a tile. A longer
+# one would set the scale of all: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
 _JOIN_WORK = {"good": 300, "best": 1000}
@@ -157,7 +157,9 @@ def _best_charts(
         with suppress(UnwrapError):  # they do not fit
             _, packing = _packed_charts(meshes, all_charts, good, stages, importance, threads)
             weights = [source.weights for source in sources]
-            cost = layout_cost(meshes, all_charts, weights, packing.fill)
+            # At the largest density, tiles that stay empty are wasted.
+            fill = packing.fill * (packing.n_tiles if options.texel_density is None else 1)
+            cost = layout_cost(meshes, all_charts, weights, fill)
             candidates.append((cost, all_charts))
 
     of_good = [_make_charts(source, good) for source in sources]
@@ -300,6 +302,9 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
         charts = _cut_either_way(source, options, halves)
     if options.quality != "fast":
         charts = _improved(source, charts, options, halves)
+    elif options.charts == "texbake":
+        with source.stages.stage("straighten borders"):
+            charts = straighten_charts(source.surface, charts, source.weights)
     charts = _bounded(source, charts, options)
     note = (f"no charts share texels, because {why}",) if overlaps else ()
     return replace(charts, notes=(*charts.notes, *note))
@@ -390,7 +395,7 @@ def _improved(
             weights=weights,
             most_l2=allowed,
             most_chart_l2=options.max_stretch,
-            most_length=_JOINED_SIDES,
+            most_length=_JOINED_SIDES / math.sqrt(options.tiles),
             most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
             find_counterparts=pairs,
         )

@@ -25,8 +25,8 @@ _PLANAR = 0.999
 # Least width of a plane that is kept whole, in sides of a square as large as the surface.
 _WIDE = 0.02
 # Most width of a region in the margin of another, most width of a margin, in widths of the other,
-# and most angle between their normals, in degrees.
-_NARROW, _MARGIN, _TURN = 0.25, 0.2, 60.0
+# the latter also where the other is a wide plane; most angle between their normals, in degrees.
+_NARROW, _MARGIN, _MARGIN_OF_PLANE, _TURN = 0.25, 0.2, 0.3, 60.0
 _MOST_REGIONS = 8  # of a margin, from the wide region outwards
 
 
@@ -41,6 +41,8 @@ class Bevels:
     within: BoolArray  # (k,); whether they lie within a plane that is wide enough to be kept whole
     # (F, 3) float64; normals of faces, of any length; in a margin, that of the wide region
     normals: FloatArray
+    planes: IntArray  # (F,) int32; the wide plane that each face is in, or -1
+    owners: IntArray  # (F,) int32; the wide plane that each face is in the margin of, or in, or -1
 
 
 def find_bevels(points: FloatArray, corners: IntArray, opposite: IntArray) -> Bevels:
@@ -59,7 +61,7 @@ def find_bevels(points: FloatArray, corners: IntArray, opposite: IntArray) -> Be
     normals = np.stack(sums, axis=1).astype(np.float64)
     is_planar = pm.norm(normals, axis=1) >= 2.0 * _PLANAR * areas
     is_wide = is_planar & (widths >= _WIDE * math.sqrt(float(areas.sum())))
-    owners = _owners(first, second, areas, np.where(is_planar, widths, 0.0), normals)
+    owners = _owners(first, second, areas, np.where(is_planar, widths, 0.0), normals, is_wide)
     ends = owners[first], owners[second]
     meet = np.flatnonzero((ends[0] != ends[1]) & ((ends[0] != first) | (ends[1] != second)))
     between = angles_between(normals[ends[0][meet]], normals[ends[1][meet]])
@@ -72,7 +74,21 @@ def find_bevels(points: FloatArray, corners: IntArray, opposite: IntArray) -> Be
         angles=angles,
         within=flat & is_wide[labels[one]],
         normals=np.where(is_margin, normals[owner], crosses),
+        planes=np.where(is_wide[labels], labels, -1).astype(np.int32),
+        owners=np.where(is_wide[owner], owner, -1).astype(np.int32),
     )
+
+
+def labels_of_planes(planes: IntArray, labels: IntArray, least_share: float = 0.0) -> IntArray:
+    """(F,) labels of faces; those of a plane get the most frequent one if its share is enough."""
+    own = np.flatnonzero(planes >= 0)
+    pairs, counts = np.unique(planes[own].astype(np.int64) << 32 | labels[own], return_counts=True)
+    order = np.lexsort((counts, pairs >> 32))
+    last = order[np.searchsorted(pairs[order] >> 32, planes[own], side="right") - 1]
+    is_enough = counts[last] >= least_share * np.bincount(planes[own])[planes[own]]
+    labels = labels.copy()
+    labels[own[is_enough]] = pairs[last[is_enough]] & 0xFFFFFFFF
+    return labels
 
 
 def _perimeters(
@@ -93,20 +109,26 @@ def angles_between(normals: FloatArray, others: FloatArray) -> FloatArray:
 
 
 def _owners(
-    first: IntArray, second: IntArray, areas: FloatArray, widths: FloatArray, normals: FloatArray
+    first: IntArray,
+    second: IntArray,
+    areas: FloatArray,
+    widths: FloatArray,
+    normals: FloatArray,
+    is_wide: BoolArray,
 ) -> IntArray:
     """(F,) the region whose margin each region is in, or itself.
 
     `first`, `second`: neighboring regions, in both orders. The largest owner takes a region.
     """
     owners = np.arange(len(areas), dtype=np.int32)
+    margins = np.where(is_wide, _MARGIN_OF_PLANE, _MARGIN) * widths
     spans = np.zeros(len(areas))  # from the owner to the far side of a region
     reached = np.ones(len(areas), dtype=np.bool_)
     for _ in range(_MOST_REGIONS):
         free = owners[second] == second
         owner = owners[first]
         span = spans[first] + widths[second]
-        fits = free & reached[first] & (owner != second) & (span <= _MARGIN * widths[owner])
+        fits = free & reached[first] & (owner != second) & (span <= margins[owner])
         fits &= widths[second] <= _NARROW * widths[owner]
         near = np.flatnonzero(fits)
         near = near[angles_between(normals[owner[near]], normals[second[near]]) <= _TURN]

@@ -133,7 +133,7 @@ def cut_charts(
         normals = surface.bevels.normals if quality == "fast" else area_vectors(points, corners)
         if surface.seams is None:
             opposite = _around_strips(points, corners, opposite, STRIP_SIDES * math.sqrt(area))
-        labels = _labels(points, corners, opposite, surface.polygons, sizes, weights)
+        labels = _labels(surface, opposite, sizes, weights)
         pieces, left = disk_charts(
             points,
             corners,
@@ -176,22 +176,18 @@ def _around_strips(
 
 
 def _labels(
-    points: FloatArray,
-    corners: IntArray,
-    opposite: IntArray,
-    polygons: IntArray | None,
-    quality: _Quality,
-    weights: FloatArray,
+    surface: ChartSurface, opposite: IntArray, quality: _Quality, weights: FloatArray
 ) -> IntArray:
     """(F,) int32: the part or batch in which each face is cut."""
     labels = divide_parts(
-        points,
-        corners,
+        surface.points,
+        surface.corners,
         opposite,
         connected_parts(opposite),
         part_faces=quality.part_faces,
         whole_faces=quality.whole_faces,
-        polygons=polygons,
+        polygons=surface.polygons,
+        planes=surface.bevels.owners,
         weights=weights,
     )
     sizes = np.bincount(labels)

@@ -16,6 +16,7 @@ from itertools import islice
 import numpy as np
 
 from texbake.core import core
+from texbake.mapping.atlas.bevels import labels_of_planes
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.repair import MOST_STRETCH, OVERLAP_DEPTH, repair_charts
 from texbake.mapping.seams import merged_labels
@@ -55,9 +56,13 @@ def divide_parts(
     part_faces: int,
     whole_faces: int,
     polygons: IntArray | None = None,
+    planes: IntArray | None = None,
     weights: FloatArray | None = None,
 ) -> IntArray:
-    """(F,) connected parts, new ones last, once those above `whole_faces` are divided."""
+    """(F,) connected parts, new ones last, once those above `whole_faces` are divided.
+
+    `planes`: (F,) int32; the plane that each face is in, which is not divided, or -1.
+    """
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
         return parts
@@ -72,6 +77,8 @@ def divide_parts(
     )
     if polygons is not None:  # all protected faces are one polygon, which may be large
         labels[large] = labels[np.flatnonzero(large)[_firsts_of(polygons[large])]]
+    if planes is not None:
+        labels = np.where(large, labels_of_planes(planes, labels), labels)
     _, ranks = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     numbers: IntArray = ranks.astype(np.int32)
     if weights is not None:

@@ -124,7 +124,7 @@ def _mean_weight(
 def relax_planned_merge(
     merge: ChartMerge, pieces: Mapping[int, ChartPiece], plan: JoinPlan, *, n_iterations: int
 ) -> ChartMerge | None:
-    """Improve the layout of a merge; None if it then has flips or overlaps."""
+    """Improve the layout of a merge; None if it has flips, overlaps or a crushed face."""
     unions = []
     for piece in merge.unions:
         relaxed = relax_piece(piece, n_iterations=n_iterations)
@@ -132,6 +132,8 @@ def relax_planned_merge(
             return None
         unions.append(relaxed)
     before = [pieces[index] for index in plan.members]
+    if any(piece.is_crushed(before) for piece in unions):
+        return None
     return replace(
         merge,
         unions=tuple(unions),

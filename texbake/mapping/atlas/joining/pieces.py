@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.charts import Charts, ChartSurface
-from texbake.mapping.atlas.flatten import measure_layout
+from texbake.mapping.atlas.flatten import greatest_stretch, measure_layout
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -25,6 +25,8 @@ from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
 LongArray = npt.NDArray[np.int64]
+
+_MOST_LINF = 5.0  # of a face in a joined or straightened piece
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,6 +57,15 @@ class ChartPiece:
     def waste(self) -> float:
         """Area of the convex hull that the piece leaves empty."""
         return self.hull_area - self.area
+
+    @cached_property
+    def linf(self) -> float:
+        """L∞ stretch of the piece alone."""
+        return greatest_stretch(self.points[self.faces], self.uvs[self.faces])
+
+    def is_crushed(self, before: Sequence[ChartPiece]) -> bool:
+        """Whether a face stretches too much, and more than any face of the pieces before."""
+        return self.linf > _MOST_LINF and self.linf > max(piece.linf for piece in before)
 
     @cached_property
     def measures(self) -> tuple[float, float, float, float]:

@@ -17,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from texbake.core import core
+from texbake.mapping.atlas.bevels import labels_of_planes
 from texbake.mapping.atlas.charts import Charts, ChartSurface
 from texbake.mapping.atlas.halves import Halves, image_costs, plane_costs
 from texbake.mapping.atlas.joining.pieces import (
@@ -36,6 +37,7 @@ from texbake.parallel import run_bands
 # Rings of faces in the band about a border, for each of its edges: in the first round, and in the
 # second, for borders that have not moved. No band is narrower than two rings.
 BORDER_WIDTH, _NARROW = 0.1, 0.0
+_WHOLE = 0.75  # share of a plane in one chart from which the rest joins it, if that chart allows it
 _SAME = 1e-6  # relative difference below which areas count as equal
 _ITERATIONS = 30  # of flattening
 # How much the part of a chart's stretch above 1 may grow.
@@ -144,9 +146,10 @@ def _moved(
             labels,
         )
 
+    planes = surface.bevels.planes
     if halves is None:
         move(opposite >= 0, weights)
-        return labels
+        return labels_of_planes(planes, labels, _WHOLE)
     is_cut = np.repeat(halves.sides >= 0, 3)
     within = (opposite >= 0) & (is_cut == is_cut[opposite])
     move(within & is_cut, weights)
@@ -154,7 +157,7 @@ def _moved(
     pairs = np.minimum(labels, partners[labels])
     is_pair = (pairs[opposite // 3] == np.repeat(pairs, 3)) & (opposite >= 0)
     move(is_pair, weights * plane_costs(surface, halves.plane))
-    return labels
+    return labels_of_planes(planes, labels, _WHOLE)
 
 
 def _laid(
@@ -184,9 +187,10 @@ def _laid(
         for number, piece in zip(numbers[first:last], found[first:last], strict=True):
             if is_single[number]:
                 relaxed = relax_piece(piece, n_iterations=_ITERATIONS)
-                most = _ROOM * (pieces[labels[number]].l2 - 1.0) + _LEAST_ROOM
+                old = pieces[labels[number]]
+                most = _ROOM * (old.l2 - 1.0) + _LEAST_ROOM
                 if relaxed is not None and relaxed.l2 - 1.0 <= most:
-                    laid[number] = relaxed
+                    laid[number] = None if relaxed.is_crushed([old]) else relaxed
 
     run_bands(relax, len(found), band=1, threads=surface.threads)
     return laid
