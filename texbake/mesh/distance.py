@@ -168,11 +168,13 @@ def surface_distance(
     )
 
 
-def distance_to(mesh: Mesh, target: Mesh, *, threads: int | None = None) -> OneSidedDistance:
-    """Measure, for a report, how far the points of a mesh lie from another, one way."""
+def distance_to(
+    mesh: Mesh, target: Mesh, *, n_samples: int = REPORTED_SAMPLES, threads: int | None = None
+) -> OneSidedDistance:
+    """Measure how far the points of a mesh lie from another, one way."""
     frame = LocalFrame.around(mesh, target)
     places = frame.to_local(mesh.positions), frame.to_local(target.positions)
-    return _one_sided(frame, (mesh, target), places, REPORTED_SAMPLES, 0, threads)
+    return _one_sided(frame, (mesh, target), places, n_samples, 0, threads)
 
 
 def _one_sided(
@@ -190,19 +192,19 @@ def _one_sided(
     face_ids, barycentrics = spread_samples(positions, faces, n, seed, threads)
     samples = _points_on(positions, faces, face_ids, barycentrics)
     of_samples = tree.closest_points(samples, threads=threads)[0]
-    of_vertices, _, _ = tree.closest_points(_some_vertices(positions, faces, n), threads=threads)
     farthest = np.argsort(-of_samples, kind="stable")[:_FARTHEST]
     n_peaks = _FACES_OF_PEAKS
     if n < n_samples:  # the search is bounded
         n_peaks = min(n_peaks, max(n // (3 * _POINTS_ON_AN_EDGE), 1))
     firsts = np.sort(np.unique(face_ids[farthest], return_index=True)[1])[:n_peaks]
-    of_peaks, _, _ = tree.closest_points(
-        _points_on_edges(positions, faces[face_ids[farthest[firsts]]]), threads=threads
-    )
+    peaks = _points_on_edges(positions, faces[face_ids[farthest[firsts]]])
+    most = of_samples.max()
+    for points in (peaks, _some_vertices(positions, faces, n)):
+        most = max(most, tree.closest_points(points, enough=most, threads=threads)[0].max())
     squares = np.square(of_samples)
     rms = np.sqrt(squares.mean())
     figures = {
-        "max": max(of_samples.max(), of_peaks.max(), of_vertices.max()),
+        "max": most,
         "p99": np.quantile(of_samples, 0.99),
         "rms": rms,
         # Two standard errors of independent samples; those of equal steps of area lie closer.

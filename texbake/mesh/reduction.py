@@ -29,7 +29,7 @@ from texbake.mesh.decimate import (
     with_three_places,
 )
 from texbake.mesh.deformation import Deformation, Morph
-from texbake.mesh.distance import SurfaceDistance, surface_distance
+from texbake.mesh.distance import SurfaceDistance, distance_to
 from texbake.mesh.hard_edges import is_flat_shaded
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.objects import has_borders, object_by_object, without_borders
@@ -195,7 +195,7 @@ def _fast(
     reached = [result for result in results if result.mesh.n_faces <= n_faces]
     if len(reached) < 2:
         return min(results, key=lambda result: result.mesh.n_faces)
-    distances = [_compared_distance(mesh, result.mesh, threads)[0] for result in reached]
+    distances = [list(_distance_bounds(mesh, low.mesh, threads))[-1][0] for low in reached]
     for place, result in enumerate(reached):
         if reached[0].mesh.uvs is not None and result.mesh.uvs is None:
             distances[place] *= _MUCH_CLOSER / _ABOUT_AS_CLOSE
@@ -220,14 +220,18 @@ def _gathered(
     return gather(mesh, stream, reduce(n_faces))
 
 
-def _compared_distance(mesh: Mesh, low: Mesh, threads: int | None) -> tuple[float, float]:
-    """RMS and greatest distance between two meshes, at rest and in the poses of the first."""
-    pairs = zip(_in_poses(mesh, mesh, threads), _in_poses(low, mesh, threads), strict=True)
-    distances = [
-        surface_distance(one, other, n_samples=_COMPARED, threads=threads) for one, other in pairs
-    ]
-    squares = math.fsum(distance.rms * distance.rms for distance in distances)
-    return math.sqrt(squares / len(distances)), max(distance.max for distance in distances)
+def _distance_bounds(mesh: Mesh, low: Mesh, threads: int | None) -> Iterator[tuple[float, float]]:
+    """Yield ever closer lower bounds of the RMS and the greatest distance between two meshes.
+
+    At rest and in the poses of the first; the last bounds are the distances.
+    """
+    poses, most = _in_poses(mesh, mesh, threads), 0.0
+    squares = [0.0] * len(poses)
+    for place, ends in enumerate(zip(poses, _in_poses(low, mesh, threads), strict=True)):
+        for one, other in (ends, ends[::-1]):
+            side = distance_to(one, other, n_samples=_COMPARED, threads=threads)
+            squares[place], most = max(squares[place], side.rms * side.rms), max(most, side.max)
+            yield math.sqrt(math.fsum(squares) / len(squares)), most
 
 
 def _in_poses(mesh: Mesh, source: Mesh, threads: int | None) -> list[Mesh]:
@@ -377,14 +381,19 @@ def _best(mesh: Mesh, fast: Reduction, n_faces: int, threads: int | None) -> Red
     moved_result = replace(fast, mesh=low, method="moved vertices")
     results = (fast, moved_result, replace(moved_result, mesh=refitted(mesh, low, threads)))
 
-    def order(result: Reduction) -> tuple[int, float]:
-        beyond = max(result.mesh.n_faces - n_faces, 0)
-        rms, most = (
-            max(distance, _NO_DISTANCE * mesh.diagonal)
-            for distance in _compared_distance(mesh, result.mesh, threads)
-        )
+    fewest = min(max(result.mesh.n_faces, n_faces) for result in results)
+    closest, least = fast, math.inf
+    for result in reversed(results):  # the last is mostly the closest
+        if max(result.mesh.n_faces, n_faces) > fewest:
+            continue
         # Where surfaces were cut, halves that stay where they are touch along edges.
         touching = _ABOUT_AS_CLOSE if CUT in result.notes and result is fast else 1.0
-        return beyond, touching * rms * rms * most
-
-    return min(results, key=order)
+        cost = 0.0
+        for bounds in _distance_bounds(mesh, result.mesh, threads):
+            rms, most = (max(bound, _NO_DISTANCE * mesh.diagonal) for bound in bounds)
+            cost = touching * rms * rms * most
+            if cost > least:
+                break
+        else:
+            closest, least = result, cost
+    return closest

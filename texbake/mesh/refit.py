@@ -50,14 +50,6 @@ class _Samples:
     weights: FloatArray  # (n,) float64
     is_exact: BoolArray  # (F,) bool: faces that lie on the other surface
 
-    def farthest(self, n_vertices: int) -> FloatArray:
-        """(n_vertices,) greatest distance of the samples that a vertex has a share of."""
-        most = np.zeros(n_vertices)
-        for corner in range(3):
-            own = self.shares[:, corner] > 0.0
-            np.maximum.at(most, self.corners[own, corner], self.distances[own])
-        return most
-
 
 class _Fit:
     """Two surfaces between which samples are taken, on one grid."""
@@ -83,14 +75,39 @@ class _Fit:
         used = used[np.arange(min(n, len(used))) * len(used) // min(n, len(used))]
         self.own = np.concatenate([pm.vecmat(shares, source[of_source[on_source]]), source[used]])
 
+    def _spread(self, points: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Samples on the faces, with vertices at some points: faces, corners and their shares."""
+        on_faces, shares = spread_samples(points, self.faces, self.n_samples, 0, self.threads)
+        corners = np.concatenate([self.faces[on_faces], self.on_points])
+        return on_faces, corners, np.concatenate([shares, self.of_points])
+
+    def farthest(self, points: FloatArray, before: _Samples, enough: float) -> FloatArray:
+        """(V,) greatest distance of the samples around vertices at some points, if above `enough`.
+
+        No closest point is looked for where that of the samples before is near enough.
+        """
+        n = len(self.own)
+        ends = pm.vecmat(before.shares[:n], points[before.corners[:n]])
+        own = self.own[_apart(self.own, ends) > enough]
+        tree = TriangleTree.build(points, self.faces, threads=self.threads)
+        to_here, ids, of_own = tree.closest_points(own, threads=self.threads)
+        _, corners, shares = self._spread(points)
+        places = pm.vecmat(shares, points[corners])
+        far = np.flatnonzero(_apart(places, before.targets[n:]) > enough)
+        there = self.tree.closest_points(places[far], threads=self.threads)[0]
+        return _farthest(
+            np.concatenate([self.faces[ids], corners[far]]),
+            np.concatenate([of_own, shares[far]]),
+            np.concatenate([to_here, there]),
+            len(points),
+        )
+
     def samples(self, points: FloatArray) -> _Samples:
         """Sample both surfaces, with the vertices of one at some points."""
         n, faces = self.n_samples, self.faces
         tree = TriangleTree.build(points, faces, threads=self.threads)
         to_here, ids, shares = tree.closest_points(self.own, threads=self.threads)
-        on_faces, of_faces = spread_samples(points, faces, n, 0, self.threads)
-        corners = np.concatenate([faces[on_faces], self.on_points])
-        of_corners = np.concatenate([of_faces, self.of_points])
+        on_faces, corners, of_corners = self._spread(points)
         places = pm.vecmat(of_corners, points[corners])
         there, on_source, of_source = self.tree.closest_points(places, threads=self.threads)
         closest = pm.vecmat(of_source, self.tree.positions[self.tree.faces[on_source]])
@@ -117,6 +134,21 @@ class _Fit:
         )
 
 
+def _apart(places: FloatArray, others: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.square(places - others).sum(axis=1)))
+
+
+def _farthest(
+    corners: IntArray, shares: FloatArray, distances: FloatArray, n_vertices: int
+) -> FloatArray:
+    """(n_vertices,) greatest distance of the samples that a vertex has a share of."""
+    most = np.zeros(n_vertices)
+    for corner in range(3):
+        own = shares[:, corner] > 0.0
+        np.maximum.at(most, corners[own, corner], distances[own])
+    return most
+
+
 def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     """Return `low`, its vertices moved closer to `mesh`.
 
@@ -135,23 +167,22 @@ def refitted(mesh: Mesh, low: Mesh, threads: int | None = None) -> Mesh:
     freedoms = np.full(len(before), 1 if has_attributes else 2, dtype=np.uint8)
     freedoms[split_vertices(low, low.normal_faces)] = 2
     freedoms[fit.edges.vertices[fit.edges.n_faces != 2]] = 0
-    points, samples = before, fit.samples(before)
-    is_exact = samples.is_exact
-    for step in range(_ROUNDS):
+    points = before
+    is_exact: BoolArray | None = None
+    for _ in range(_ROUNDS):
+        samples = fit.samples(points)
+        is_exact = samples.is_exact if is_exact is None else is_exact
         moved = points.copy()
         core.fit_vertices(
             samples.corners, samples.shares, samples.targets, samples.weights,
             faces, is_exact, freedoms, _normals(points, faces, signs), moved,
         )  # fmt: skip
         moved = _without_folds(points, moved, faces)
-        after = fit.samples(moved)
-        allowed = np.maximum(
-            samples.farthest(len(before)), _FAR * float(samples.distances.max(initial=0.0))
-        )
-        is_far = after.farthest(len(before)) > allowed
+        enough = _FAR * float(samples.distances.max(initial=0.0))
+        farthest = _farthest(samples.corners, samples.shares, samples.distances, len(points))
+        is_far = fit.farthest(moved, samples, enough) > np.maximum(farthest, enough)
         moved[is_far] = points[is_far]
-        is_last = step == _ROUNDS - 1
-        points, samples = moved, after if is_last or not is_far.any() else fit.samples(moved)
+        points = moved
     return low.replace(positions=low.positions + grid.length_to_model(points - before))
 
 
