@@ -546,6 +546,16 @@ def test_surfaces_that_touch_stay_closed_and_get_no_new_bad_edges(n_faces, note,
     assert np.count_nonzero(edges.non_manifold) <= n_bad
 
 
+@pytest.mark.parametrize("n_faces", [28, 32])
+def test_a_long_rod_outlives_small_bricks_where_parts_may_vanish(n_faces):
+    bricks = [moved(divided(cube(), 3), by=(i, -i, 0)) for i in range(8)]
+    rod = divided(cube(), 3)
+    rod = rod.replace(positions=rod.positions * [30.0, 0.2, 0.2] + [0.0, 20.0, 0.0])
+    low, report = simplify_with_report(joined(*bricks, rod), n_faces, quality="best")
+    assert report.n_faces <= n_faces and report.notes[0] == CUT
+    assert np.ptp(low.positions[low.positions[:, 1] > 15.0][:, 0]) > 29.0
+
+
 @BOTH
 def test_nothing_but_degenerate_faces_is_an_error(quality):
     mesh = Mesh(positions=np.eye(3), faces=[[0, 0, 1]] * 10)

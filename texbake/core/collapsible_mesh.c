@@ -242,7 +242,7 @@ static bool link_allows(
     if (mesh->twins != NULL && doubles_edge(mesh, v, of_u, of_one))
         return false;
     if (of_u.n == n_edge_faces && of_v.n == n_edge_faces)
-        return may_change;
+        return collapse->vanishes = may_change;
     if (n_common == n_edge_faces + 1 && may_change)
         return finds_loop(mesh, u, v, of_u, of_v, of_both, collapse);
     if (n_common != n_edge_faces)

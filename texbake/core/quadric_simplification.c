@@ -507,16 +507,32 @@ static inline void fetch_next(const struct simplification *s)
     }
 }
 
+/* The squared distance of the farthest corner of the faces of a vertex from a place. */
+static double size_around(const struct collapsible_mesh *mesh, int32_t vertex, struct vector place)
+{
+    const struct corners around = corners_of(mesh, vertex);
+    double most = 0.0;
+    for (int64_t i = 0; i < 3 * around.n; i++) {
+        const int32_t corner = mesh->faces[around.corners[i / 3] >> 2][i % 3];
+        const struct vector offset = minus(vector_at(mesh->points[corner]), place);
+        most = max_f64(most, dot(offset, offset));
+    }
+    return most;
+}
+
 /* What the distance of places adds to the cost of the first collapse of the heap. */
 static double cost_of_places(
-    struct simplification *s, int32_t u, int32_t v, struct vector place)
+    struct simplification *s, int32_t u, int32_t v, struct vector place, struct collapse *collapse)
 {
     if (s->places.points == NULL || s->is_measured[u])
         return 0.0;
     s->is_measured[u] = true;
     const double weight = weight_of(&s->quadrics[u]) + weight_of(&s->quadrics[v]);
-    return PLACES_WEIGHT * sqrt(weight)
-        * distance_of_places(&s->mesh, &s->places, s->vertex_ids, u, v, place, s->moves);
+    double most = distance_of_places(&s->mesh, &s->places, s->vertex_ids, u, v, place, s->moves);
+    /* Nothing near is left of a part that vanishes. */
+    if (s->mesh.may_cut && can_collapse(&s->mesh, u, v, place, collapse) && collapse->vanishes)
+        most = max_f64(most, size_around(&s->mesh, u, place));
+    return PLACES_WEIGHT * sqrt(weight) * most;
 }
 
 /* Let the normals of u become those of v. */
@@ -570,7 +586,7 @@ bool collapse_cheapest(
             const int32_t v = s->targets[*u];
             struct vector place = vector_at(s->mesh.points[v]);
             *cost = s->moves ? cost_of(s, *u, v, &place) : first->cost;
-            const double added = cost_of_places(s, *u, v, place);
+            const double added = cost_of_places(s, *u, v, place, collapse);
             if (added > 0.0) {
                 first->cost += added;
                 sift_down(s, 0);
