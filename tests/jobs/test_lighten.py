@@ -16,7 +16,15 @@ from texbake.jobs import light_models
 from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.light_budget import Budget, Trial
 from texbake.jobs.light_codings import Codings
-from texbake.jobs.light_images import Picture, coded, decoded, pictures_of, psnr, with_files
+from texbake.jobs.light_images import (
+    Picture,
+    coded,
+    decoded,
+    pictures_of,
+    psnr,
+    squared_errors,
+    with_files,
+)
 from texbake.jobs.light_models import LightModel, Source
 from texbake.jobs.lighten_options import LightenOptions
 from texbake.jobs.material_transfer import texture_size
@@ -565,6 +573,36 @@ def test_smaller_sides_are_means_of_texels_and_their_errors_those_of_the_whole()
         large = resized(smooth.at_side(side).astype(np.float32), 256, 256)
         error = ((large - smooth.codes) ** 2).mean()
         assert Codings(256, "webp", 1)._error_of(smooth, side) == pytest.approx(error, rel=0.3)
+
+
+@pytest.mark.parametrize(("n_channels", "is_cut"), [(3, False), (4, False), (4, True)])
+@pytest.mark.parametrize("shape", [(16, 64), (8, 32), (10, 40)])
+def test_errors_of_codes_are_exact_and_smaller_pictures_are_enlarged(n_channels, is_cut, shape):
+    rng = np.random.default_rng(7)
+    other = rng.integers(0, 256, (16, 64, n_channels)).astype(np.uint8)
+    one = rng.integers(0, 256, (*shape, n_channels)).astype(np.uint8)
+    large = resized(one.astype(np.float32), 64, 16).astype(np.float64)
+    squares = (large - other) ** 2
+    weights = other[..., 3:] / 1.0 if is_cut else np.ones((16, 64, 1))
+    colors = (squares[..., :3] * weights).sum() / (3 * weights.sum())
+    alpha = squares[..., 3].mean() if n_channels == 4 else 0.0
+    # Other sides than a half are rounded to codes, which adds 1 / 12.
+    rel = 1e-2 if shape == (10, 40) else 1e-6
+    assert squared_errors(one, other, is_cut=is_cut) == pytest.approx((colors, alpha), rel=rel)
+
+
+def test_the_highest_quality_is_lossless_where_that_has_fewer_bytes():
+    tiles = np.random.default_rng(3).integers(0, 256, (4, 4, 3)).astype(np.uint8)
+    codes = np.tile(tiles, (32, 32, 1))
+    noise = np.random.default_rng(3).integers(0, 256, (128, 128, 3)).astype(np.uint8)
+    kept, lost = (
+        decoded(coded(Picture("p", each, True), "webp", quality=None, side=128), 3)
+        for each in (codes, noise)
+    )
+    np.testing.assert_array_equal(kept, codes)
+    assert psnr(lost, noise) < 40.0
+    files = Codings(128, "webp", 1).extreme([Picture("p", codes, True)], is_finest=True)
+    np.testing.assert_array_equal(decoded(files["p"], 3), codes)
 
 
 def test_a_quality_leaves_forty_decibels_if_any_does():

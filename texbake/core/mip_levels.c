@@ -4,6 +4,8 @@
 
    Called from texbake/texture/mipmaps.py. */
 
+#include <math.h>
+
 #include "arena.h"
 #include "core.h"
 
@@ -63,4 +65,22 @@ EXPORT int64_t fill_mip_level(
     }
     close_arena(arena);
     return 0;
+}
+
+/* Write vectors of length 1, or of 0 where there is none or a component is not finite. They are divided
+   by their largest component first, because its square may overflow. */
+EXPORT void normalize_vectors(
+    int64_t n, const float vectors[n][3], float out[n][3], int64_t start, int64_t stop)
+{
+    for (int64_t i = start; i < stop; i++) {
+        const float x = vectors[i][0], y = vectors[i][1], z = vectors[i][2];
+        const float largest = fmaxf(fmaxf(fabsf(x), fabsf(y)), fabsf(z));
+        const bool is_sound = largest > 0.0f && isfinite(x) && isfinite(y) && isfinite(z);
+        const float a = is_sound ? x / largest : 0.0f, b = is_sound ? y / largest : 0.0f;
+        const float c = is_sound ? z / largest : 0.0f;
+        const float length = is_sound ? sqrtf(a * a + b * b + c * c) : 1.0f;
+        out[i][0] = a / length;
+        out[i][1] = b / length;
+        out[i][2] = c / length;
+    }
 }

@@ -14,13 +14,10 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import field
 from typing import NamedTuple
 
-import numpy as np
-
-from texbake.jobs.light_images import Picture, coded_pictures, decoded, squared_errors
-from texbake.mesh.mesh import AnyArray
+from texbake.jobs.light_images import Picture, coded_pictures, decoded, finest_file, squared_errors
+from texbake.mesh.mesh import ByteArray
 from texbake.records import dataclass
 from texbake.texture.image_files import encode_image
-from texbake.texture.pack import resized
 
 _QUALITIES = (15, 35, 60, 75, 85, 90)
 _LEAST_SIDE, _MOST_SIDES, _EXACT_SIDES = 64, 4, 2
@@ -132,7 +129,8 @@ class Codings:
         key = _identity(picture), side, quality
         if key not in self._known:
             codes = picture.at_side(side)
-            data = encode_image(codes, self.encoding, quality=quality, is_color=picture.is_color)
+            encode = finest_file if quality == _QUALITIES[-1] else encode_image
+            data = encode(codes, self.encoding, quality=quality, is_color=picture.is_color)
             made = decoded(data, codes.shape[2])
             error = _weight(picture) * _squared(made, codes, picture.is_cut)
             self._known[key] = _Coding(side, quality, len(data), error, data)
@@ -152,11 +150,7 @@ class Codings:
             return 0.0
         if key not in self._of_sides:
             twice = min(2 * side, picture.side)
-            small, larger = picture.at_side(side), picture.at_side(twice)
-            height, width = larger.shape[:2]
-            added = _squared(
-                resized(small.astype(np.float32), width, height), larger, picture.is_cut
-            )
+            added = _squared(picture.at_side(side), picture.at_side(twice), picture.is_cut)
             self._of_sides[key] = self._error_of(picture, twice) + added
         return self._of_sides[key]
 
@@ -205,7 +199,7 @@ def _weight(picture: Picture) -> float:
     return _COLOR if picture.is_color else _NORMAL if picture.is_normal else _OTHER
 
 
-def _squared(one: AnyArray, other: AnyArray, is_cut: bool) -> float:
+def _squared(one: ByteArray, other: ByteArray, is_cut: bool) -> float:
     """Mean of the squares of differences of codes."""
     colors, alpha = squared_errors(one, other, is_cut=is_cut)
     return colors if other.shape[2] == 3 else 0.75 * colors + 0.25 * alpha

@@ -1,8 +1,9 @@
 """Images of a lightened model, each encoded at a side and a quality of its own.
 
 Without a quality, an image gets the lowest one that leaves 40 dB in its colors and in its alpha
-each, and a file that is smaller than the new one stays as it is. Where alpha hides colors, they
-count by it.
+each, and a file that is smaller than the new one stays as it is. The highest quality is lossless
+where that takes fewer bytes. A color counts by its alpha in images whose alpha is that of every
+material that shows them.
 """
 
 from __future__ import annotations
@@ -15,19 +16,24 @@ from pathlib import Path
 
 import numpy as np
 
+from texbake.core import core
 from texbake.errors import require_library
 from texbake.mesh.files.conversion import media_type
 from texbake.mesh.materials import CHANNELS, ChannelImage, Materials
-from texbake.mesh.mesh import AnyArray, ByteArray, Float32Array
+from texbake.mesh.mesh import ByteArray, Float32Array
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.compare_models import psnr_db
 from texbake.texture.encoding import decode_srgb, quantize_srgb, quantize_unsigned
-from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of
+from texbake.texture.image_files import ENCODINGS, encode_image, encoding_of, lossless_webp
 from texbake.texture.material_images import image_codes
 from texbake.texture.mipmaps import averaged
+from texbake.texture.pack import resized
 
 LEAST_DB = 40.0
+# So far from it, the next quality that the search would try is on the same side: no image of the
+# tests changed by more between neighbors of the search.
+_SURE_DB = 5.0
 _QUALITIES = (30, 45, 60, 70, 80, 85, 90)
 # Media types that programs read where they read the encoding.
 _READ_WITH = {
@@ -76,17 +82,25 @@ def _linear_values() -> Float32Array:
     return decode_srgb(np.arange(256, dtype=np.float32) / np.float32(255.0)).astype(np.float32)
 
 
-def squared_errors(one: AnyArray, other: AnyArray, *, is_cut: bool) -> tuple[float, float]:
-    """Mean squared differences of colors, by the alpha of `other` if it `is_cut`, and of alpha."""
-    apart = one.astype(np.float32) - other
-    apart *= apart  # exact for integer codes, also times alpha
-    colors, alpha = apart[..., :3], apart[..., 3:]
-    weight = float(colors.size)
-    if is_cut:
-        colors = colors * other[..., 3:].astype(np.float32)
-        weight = 3.0 * float(other[..., 3].sum(dtype=np.int64))
-    totals = (float(part.sum(dtype=np.float64)) for part in (colors, alpha))
-    return next(totals) / (weight or 1.0), next(totals) / max(alpha.size, 1)
+def squared_errors(one: ByteArray, other: ByteArray, *, is_cut: bool) -> tuple[float, float]:
+    """Mean squared differences of colors, by the alpha of `other` if it `is_cut`, and of alpha.
+
+    A smaller picture `one` is enlarged. Kernel: `core/code_errors.c`.
+    """
+    height, width, n_channels = other.shape
+    one, other = np.ascontiguousarray(one), np.ascontiguousarray(other)
+    sums, unit = np.zeros(2, np.int64), 1
+    if one.shape[:2] == (height, width):
+        rows = (each.reshape(-1, n_channels) for each in (one, other))
+        core.sum_code_errors(*rows, is_cut, sums)
+    elif (2 * one.shape[0], 2 * one.shape[1]) == (height, width):
+        core.sum_enlarged_errors(one, other, is_cut, sums)
+        unit = 16 * 16
+    else:
+        made = resized(one.astype(np.float32), width, height)
+        return squared_errors(quantize_unsigned(made / 255.0, 8), other, is_cut=is_cut)
+    weight = 3 * (int(other[..., 3].sum(dtype=np.int64)) if is_cut else height * width)
+    return float(sums[0]) / unit / (weight or 1), float(sums[1]) / unit / (height * width)
 
 
 def psnr(one: ByteArray, other: ByteArray, *, is_cut: bool = False) -> float:
@@ -106,6 +120,8 @@ def coded(picture: Picture, encoding: str, *, quality: int | None, side: int) ->
     codes = picture.at_side(side)
 
     def encode(chosen: int) -> bytes:
+        if quality is None and chosen == _QUALITIES[-1]:
+            return finest_file(codes, encoding, quality=chosen, is_color=picture.is_color)
         return encode_image(codes, encoding, quality=chosen, is_color=picture.is_color)
 
     if quality is not None or encoding_of(codes, encoding) == "png":
@@ -116,17 +132,24 @@ def coded(picture: Picture, encoding: str, *, quality: int | None, side: int) ->
     return picture.file if is_kept and len(picture.file) <= len(data) else data
 
 
+def finest_file(codes: ByteArray, encoding: str, *, quality: int, is_color: bool) -> bytes:
+    """Bytes of an image file of a high quality; of a lossless one where that has fewer."""
+    data = encode_image(codes, encoding, quality=quality, is_color=is_color)
+    lossless = lossless_webp(codes, len(data)) if encoding == "webp" else None
+    return data if lossless is None else lossless
+
+
 def _of_least_quality(codes: ByteArray, encode: Callable[[int], bytes], is_cut: bool) -> bytes:
     first, last = 0, len(_QUALITIES) - 1
     found: dict[int, bytes] = {}
     while first < last:
         middle = (first + last) // 2
         found[middle] = encode(_QUALITIES[middle])
-        made = decoded(found[middle], codes.shape[2])
-        if psnr(made, codes, is_cut=is_cut) >= LEAST_DB:
-            last = middle
+        db = psnr(decoded(found[middle], codes.shape[2]), codes, is_cut=is_cut)
+        if db >= LEAST_DB:
+            last = middle if db < LEAST_DB + _SURE_DB else (first + middle) // 2
         else:
-            first = middle + 1
+            first = middle + 1 if db >= LEAST_DB - _SURE_DB else last
     return found[last] if last in found else encode(_QUALITIES[last])
 
 

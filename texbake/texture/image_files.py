@@ -169,6 +169,9 @@ def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
 ENCODINGS = {"webp": ".webp", "jpeg": ".jpg", "png": ".png"}
 # How long WebP looks for fewer bytes: from 4 on, twice the time saves less than a tenth.
 _WEBP_METHOD = 4
+# Of lossless WebP: how long it looks, and how many times the bytes that it may have a quick attempt
+# may take.
+_WEBP_EFFORT, _MOST_OF_QUICK = 75, 4
 
 
 def encode_image(
@@ -185,12 +188,27 @@ def encode_image(
     encoding = encoding_of(codes, encoding)
     if encoding == "png":
         return b"".join(png_parts(codes, srgb=is_color, threads=threads))
-    Image = require_library("PIL.Image", f"{encoding} images")
-
-    buffer = io.BytesIO()
-    options: dict[str, Any] = {"quality": quality, "subsampling": "4:4:4"}
     if encoding == "webp":
-        options = {"quality": quality, "method": _WEBP_METHOD, "exact": True}
+        return _encoded(codes, encoding, quality=quality, method=_WEBP_METHOD, exact=True)
+    return _encoded(codes, encoding, quality=quality, subsampling="4:4:4")
+
+
+def lossless_webp(codes: ByteArray, n_bytes: int) -> bytes | None:
+    """Bytes of a lossless WebP file of codes (H, W, 3 or 4) if it has fewer than `n_bytes`.
+
+    A quick attempt tells whether that is likely.
+    """
+    lossless = {"lossless": True, "exact": True}
+    quick = _encoded(codes, "webp", quality=0, method=0, **lossless)
+    if len(quick) >= _MOST_OF_QUICK * n_bytes:
+        return None
+    data = _encoded(codes, "webp", quality=_WEBP_EFFORT, method=_WEBP_METHOD, **lossless)
+    return data if len(data) < n_bytes else None
+
+
+def _encoded(codes: ByteArray, encoding: str, **options: Any) -> bytes:
+    Image = require_library("PIL.Image", f"{encoding} images")
+    buffer = io.BytesIO()
     Image.fromarray(codes).save(buffer, encoding.upper(), **options)
     return buffer.getvalue()
 

@@ -112,7 +112,7 @@ def mip_chain(
     if roughness and kind != "normal":
         raise OptionError(f"roughness: only normal maps have it, not {kind}; give kind='normal'")
     if kind == "normal":
-        image = _unit_vectors(image)
+        image = _unit_vectors(image, threads)
     sizes = _level_sizes(*image.shape[:2])
     ends = np.cumsum(sizes.prod(axis=1))
     n_channels = image.shape[2]
@@ -136,16 +136,14 @@ def mip_chain(
     return chain
 
 
-def _unit_vectors(image: Float32Array) -> Float32Array:
+def _unit_vectors(image: Float32Array, threads: int | None) -> Float32Array:
     if image.shape[2] != 3:
         raise OptionError(f"image: {image.shape[2]} channels are not a normal map; give 3")
-    # Divide by the largest component first, because its square may overflow float32.
-    largest = np.abs(image).max(axis=2, keepdims=True)
-    vectors = np.zeros_like(image)
-    np.divide(image, largest, out=vectors, where=(largest > 0.0) & (largest < np.inf))
-    lengths = pm.norm(vectors, axis=2, keepdims=True)
-    np.divide(vectors, lengths, out=vectors, where=lengths > 0.0)
-    return vectors
+    flat = np.ascontiguousarray(image).reshape(-1, 3)
+    vectors = np.empty_like(flat)
+    work = partial(core.normalize_vectors, flat, vectors)
+    run_bands(work, len(flat), band=_BAND_VALUES // 3, threads=threads)
+    return vectors.reshape(image.shape)
 
 
 def _level_sizes(height: int, width: int) -> Int64Array:

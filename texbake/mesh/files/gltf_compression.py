@@ -60,10 +60,10 @@ def encode_triangles(indices: AnyArray, n_vertices: int) -> bytes:
 
 
 def ordered_triangles(indices: Int64Array, n_vertices: int) -> tuple[Int64Array, Int64Array]:
-    """Triangles (3 F,) in an order of neighbors, which compresses better, and old vertices (n,)."""
+    """Triangles (3 F,) in an order of strips, which compresses better, and old vertices (n,)."""
     given = np.ascontiguousarray(indices, np.uint32)
     codes = np.empty_like(given)
-    _library().optimize_vertex_cache(codes, given, len(given), n_vertices)
+    _library().optimize_vertex_cache_strip(codes, given, len(given), n_vertices)
     ordered = codes.astype(np.int64)
     used, firsts = np.unique(ordered, return_index=True)
     vertices = used[np.argsort(firsts, kind="stable")]
