@@ -388,6 +388,8 @@ def test_auto_makes_new_coordinates_where_faces_overlap_and_one_node_if_asked(tm
     options = replace(KEPT, uvs="auto", size=128, join=True)
     done = lighten_file(model, tmp_path / "light.glb", options)
     assert not done.report.keeps_uvs
+    row = dict(done.report.table())["texture coordinates"]
+    assert row.startswith("new, because the model has texture coordinates that overlap")
     assert len(read_glb(tmp_path / "light.glb")[0]["nodes"]) == 1
     whole = lighten_file(model, tmp_path / "light.glb", replace(options, n_faces=10**6))
     assert whole.report.keeps_uvs and whole.report.simplified is None

@@ -47,7 +47,7 @@ _MOST_TEXTURED = 8
 _MOST_PAIRED = 64  # objects that are baked one by one
 _UNSHARED = "none has the shape and look of another", "parts of the model move"
 _SHARED = "copies share texels as before in coordinates that stay; for new ones, set `uvs` to new"
-_SEAMS = "texture coordinates, holes"
+_OVERLAP = "has texture coordinates that overlap or leave the unit square"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,7 +59,7 @@ class LightModel:
     pictures: tuple[Picture, ...]  # of the images, by their names
     simplified: SimplifyReport | None
     warnings: tuple[str, ...]
-    keeps_uvs: bool = False
+    why_new_uvs: str | None = ""  # as in `LightenReport`
     size: tuple[int, int] | None = None
     unwrapped: UnwrapReport | None = None
     baked: BakeReport | None = None
@@ -94,12 +94,12 @@ class Source:
         if self._is_plain and self.mesh.n_faces <= n_faces:
             return self._with_kept_uvs(n_faces)
         if self.options.uvs == "new" or why:
-            return self._with_new_uvs(n_faces, is_trial=is_trial)
+            return replace(self._with_new_uvs(n_faces, is_trial=is_trial), why_new_uvs=why)
         is_auto = self.options.uvs == "auto"
         may_be_new = self.options.stack or not (is_trial or self.materials.variants)
         may_be_new &= is_auto and self.mesh.n_faces > n_faces
         if may_be_new and not is_atlas(self._of_first(self._instances)[1], self.options.threads):
-            return self._with_new_uvs(n_faces, is_trial=is_trial)
+            return replace(self._with_new_uvs(n_faces, is_trial=is_trial), why_new_uvs=_OVERLAP)
         kept = self._with_kept_uvs(n_faces, is_trial=is_trial)
         simplified = kept.simplified
         overlap = may_be_new and kept.baked is None and not self._normals_vary
@@ -108,7 +108,7 @@ class Source:
         if not is_auto:
             if self.options.n_faces is not None and not is_trial:
                 n, more = simplified.n_faces, "request more, or use `uvs` new"
-                check_count(n, n_faces, self.mesh.name, more, _SEAMS)
+                check_count(n, n_faces, self.mesh.name, more, "texture coordinates, holes")
             return kept
         if self._many_images:
             note = f"{self.mesh.name}: its texture coordinates stay, because of its many variants"
@@ -225,7 +225,7 @@ class Source:
             why = _SHARED if pictures else "there are no images"
             warnings = (*warnings, f"{self.mesh.name}: `stack` changes nothing: {why}")
         return LightModel(
-            mesh=low, materials=materials, pictures=pictures, simplified=report, keeps_uvs=True,
+            mesh=low, materials=materials, pictures=pictures, simplified=report, why_new_uvs=None,
             warnings=(*warnings, *materials.notes()), size=size, baked=baked,
         )  # fmt: skip
 

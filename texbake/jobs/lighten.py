@@ -56,7 +56,8 @@ class LightenReport:
     n_faces: int
     n_bytes_before: int  # of the files: of the model with its buffers and images, and of the result
     n_bytes: int
-    keeps_uvs: bool  # whether the texture coordinates are those of the model
+    # what of the model led to new texture coordinates: "" if the options did, None if its own stay
+    why_new_uvs: str | None
     n_materials_before: int
     n_materials: int
     # width and height of the images that were baked; None without any
@@ -71,8 +72,14 @@ class LightenReport:
     # images of the model that are missing, and so left out of the pictures
     missing_images: tuple[str, ...] = ()
 
+    @property
+    def keeps_uvs(self) -> bool:
+        """Whether the texture coordinates are those of the model."""
+        return self.why_new_uvs is None
+
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure."""
+        because = f", because the model {self.why_new_uvs}" if self.why_new_uvs else ""
         rows = [
             ("triangles", f"{self.n_faces_before:,} to {self.n_faces:,}"),
             ("materials", f"{self.n_materials_before:,} to {self.n_materials:,}"),
@@ -81,7 +88,7 @@ class LightenReport:
                 f"{self.n_bytes_before:,} bytes to {self.n_bytes:,}, "
                 f"{100.0 * self.n_bytes / max(self.n_bytes_before, 1):.1f} %",
             ),
-            ("texture coordinates", "of the model" if self.keeps_uvs else "new"),
+            ("texture coordinates", "of the model" if self.keeps_uvs else f"new{because}"),
             ("images", ", ".join(self.images) or "none"),
         ]
         if self.size is not None:
@@ -110,6 +117,7 @@ class LightenReport:
         return {
             **{name: getattr(self, name) for name in (*(f"{n}_before" for n in plain), *plain)},
             "keeps_uvs": self.keeps_uvs,
+            "why_new_uvs": self.why_new_uvs,
             "size": None if self.size is None else list(self.size),
             "images": list(self.images),
             "n_shared": self.n_shared,
@@ -182,7 +190,7 @@ def lighten(
         n_faces=light_model.mesh.n_faces,
         n_bytes_before=n_bytes_before,
         n_bytes=written_file(output).stat().st_size,
-        keeps_uvs=light_model.keeps_uvs,
+        why_new_uvs=light_model.why_new_uvs,
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
         size=light_model.size,

@@ -53,8 +53,9 @@ class LightenOptions(CheckedOptions):
     uvs: str = option(
         "auto",
         "Texture coordinates: keep them, and the images of each material; make new ones, and bake "
-        "all materials into one set of images; or auto, which keeps them where the mesh stays, or "
-        "where they are an atlas in which nothing overlaps.",
+        "all materials into one set of images; or auto. That makes new ones if images lie on "
+        "further sets, if more than 8 materials have images, and, for fewer triangles, if "
+        "coordinates overlap.",
         choices=("auto", "keep", "new"),
     )
     stack: bool = option(
