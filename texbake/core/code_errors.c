@@ -1,7 +1,7 @@
 /* Squared differences of the 8-bit codes of pictures, summed exactly.
 
-   Sums of colors count by the alpha of the second picture where that hides them. A picture of half the
-   size is enlarged by bilinear interpolation, whose values are whole sixteenths.
+   Differences of colors can be weighted by the alpha of the second picture. A picture of half the size is
+   enlarged by bilinear interpolation, whose values are whole sixteenths.
 
    Called from texbake/jobs/light_images.py and texbake/jobs/light_codings.py. */
 
