@@ -46,7 +46,7 @@ class LightenOptions(CheckedOptions):
         metavar="N",
         low=MIN_FACES,
         flag="--faces",
-        default=f"a tenth, and {LEAST_FACES} at least",
+        default=f"a tenth, but at least {LEAST_FACES}",
     )
     quality: Annotated[str, option_of(SimplifyOptions, "quality")] = "best"
     remesh: Annotated[str, REMESH_OPTION] = "never"
@@ -94,15 +94,15 @@ class LightenOptions(CheckedOptions):
     )
     target_size: str | int | None = option(
         None,
-        "Greatest size of the file, such as 500kB: triangles, and sides and qualities of images, "
-        "are those with the best pictures found.",
+        "Greatest size of the file, such as 500kB. The number of triangles, and the size and "
+        "quality of each image, are those with the best pictures found.",
         metavar="BYTES",
         default="no limit",
     )
     min_psnr: float | None = option(
         None,
-        "Least mean PSNR of the pictures of the result in dB, such as 30: triangles, and sides and "
-        "qualities of images, are those of the smallest file found.",
+        "Least mean PSNR of the pictures of the result in dB, such as 30. The number of triangles, "
+        "and the size and quality of each image, are those of the smallest file found.",
         metavar="DB",
         above=0,
         default="no limit",

@@ -166,16 +166,15 @@ FACES_OPTION: Final = Option(
     default="as few as the error allows",
 )
 ERROR_OPTION: Final = Option(
-    "Stop where the two surfaces would lie further apart anywhere: 0.02 (model units) or 0.5% (of "
-    "the diagonal). With a number of triangles, whichever comes first.",
+    "Greatest distance between the two surfaces: 0.02 (model units) or 0.5% (of the diagonal). "
+    "With a number of triangles, simplification stops at the one that is reached first.",
     metavar="D",
     default="no limit",
 )
 
 
 HIDDEN_PARTS: Final = (
-    "Leave out parts that others hide from every direction outside, such as an engine under a "
-    "closed hood"
+    "Leave out parts that cannot be seen from outside, such as an engine under a closed hood"
 )
 
 
@@ -206,8 +205,8 @@ class SimplifyOptions(CheckedOptions):
         "auto",
         "Seams of texture coordinates: keep them while the number of triangles can be reached "
         "with them and the surface stays close (auto), keep them and more triangles if need be "
-        "(keep), or leave texture coordinates out (drop), which mostly brings the result closer to "
-        "the surface; unwrap then makes new charts.",
+        "(keep), or leave texture coordinates out (drop), which usually brings the result closer "
+        "to the surface; unwrap then makes new charts.",
         choices=("auto", "keep", "drop"),
     )
     topology: str = option(
@@ -250,7 +249,7 @@ DEFAULT_REMESH: Final = "auto"
 
 REMESH_OPTION = Option(
     "Make the low-poly mesh from a closed surface around the high-poly mesh: always, never, or "
-    "where that has an inside or is torn, and is not an open surface (auto).",
+    "only where the high-poly mesh has inner walls or is torn, and is not an open surface (auto).",
     choices=("auto", "always", "never"),
 )
 

@@ -90,9 +90,7 @@ class Outlines:
         if self.n_split:
             split = counted(self.n_split, "polygon is", "polygons are")
             warn_of(
-                path,
-                f"{split} written as triangles, since a seam crosses them or faces of them are "
-                "missing",
+                path, f"{split} written as triangles, because of a seam or missing faces inside"
             )
 
 

@@ -99,13 +99,14 @@ def _with_matrix(values: dict[str, Any]) -> dict[str, Any]:
     Options(UnwrapOptions, *_NAMES[:_SEAMS]),
     Reads(
         "seams", "seams",
-        "Cut charts along the lines of this OBJ file, whose points are vertices, and nowhere else.",
+        "Cut charts along the lines of this OBJ file, whose points are vertices of MESH, and "
+        "nowhere else.",
         required=False, role=None, suffixes=(".obj",), metavar="FILE",
     ),
     Reads(
         "protect", "mesh",
-        "Cut no seam between the faces of this mesh, which are some of those of MESH, or on faces "
-        "where this image, over the present texture coordinates, is white.",
+        "Cut no seam through these faces of MESH: a mesh of them alone, or an image over the "
+        "present texture coordinates that is white on them.",
         required=False, role=None, metavar="FILE",
     ),
     Reads(
@@ -157,7 +158,7 @@ def unwrap_files(
 ) -> UnwrapFiles:
     """Give MESH texture coordinates.
 
-    In an atlas no two faces overlap and none is mirrored. Positions and the order of faces stay as
+    In an atlas, no two faces overlap and none is mirrored. Positions and the order of faces stay as
     they are. Several meshes share one atlas.
     """
     from texbake.jobs.painted_faces import importance_at, protected_at

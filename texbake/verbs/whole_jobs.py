@@ -199,11 +199,11 @@ def lighten_file(
 ) -> JobResult[LightenReport]:
     """Make MODEL smaller, with all of its materials.
 
-    MODEL is simplified. Texture coordinates that are an atlas stay, with the images of each
-    material, and get a new normal map. Otherwise MODEL is unwrapped once, and every channel of its
-    materials is baked into one set of images: base color and alpha, metallic, roughness, occlusion,
-    emissive, normal, clearcoat, transmission, sheen and specular. Its own normal maps are part of
-    the new one.
+    MODEL is simplified. If its texture coordinates are an atlas, they stay, with the images of each
+    material, and MODEL gets a new normal map. Otherwise, MODEL is unwrapped once, and every channel
+    of its materials is baked into one set of images: base color and alpha, metallic, roughness,
+    occlusion, emissive, normal, clearcoat, transmission, sheen, specular, thickness, iridescence
+    and diffuse transmission. The new normal map includes the normal maps of MODEL.
     """
     from texbake.jobs.lighten import lighten
 

@@ -84,7 +84,7 @@ class AtlasOptions(TextureOptions):
         above=0,
         below=180,
         unit="degrees",
-        default="wherever the stretch calls for it",
+        default="where charts would stretch too much",
     )
     symmetry: str = option(
         "auto",
@@ -95,8 +95,8 @@ class AtlasOptions(TextureOptions):
     )
     hide_seams: float | None = option(
         None,
-        "How far seams go out of their way to avoid the front and details, and to run where little "
-        "light comes, such as creases.",
+        "How much hidden seams count: from 0 for the shortest seams to 1 for seams that go a long "
+        "way to avoid the front and details, and to run where little light comes, such as creases.",
         low=0,
         high=1,
         default="0.5; with good, 0 where little can be hidden and seams would be over 5 % longer",
@@ -180,9 +180,7 @@ class UnwrapOptions(ProjectionOptions, TransformOptions, AtlasOptions):
         "classical mapping.",
         choices=tuple(METHODS),
     )
-    keep: bool = option(
-        False, "Keep the coordinates that the mesh has as charts, and only pack them."
-    )
+    keep: bool = option(False, "Keep the charts that the mesh has, and only pack them again.")
     only: str | None = option(
         None,
         "Map the faces of this group and leave all others as they are.",
