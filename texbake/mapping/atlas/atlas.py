@@ -304,7 +304,7 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
         charts = _improved(source, charts, options, halves)
     elif options.charts == "texbake":
         with source.stages.stage("straighten borders"):
-            charts = straighten_charts(source.surface, charts, source.weights)
+            charts = straighten_charts(source.surface, charts, source.weights, n_rounds=1)
     charts = _bounded(source, charts, options)
     note = (f"no charts share texels, because {why}",) if overlaps else ()
     return replace(charts, notes=(*charts.notes, *note))

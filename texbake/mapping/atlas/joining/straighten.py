@@ -51,10 +51,12 @@ def straighten_charts(
     *,
     halves: Halves | None = None,
     find_counterparts: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
+    n_rounds: int = 2,
 ) -> Charts:
     """Shorten borders, weighted by `weights` (F, 3) of edges; infinite where none may run.
 
-    `halves`, `find_counterparts`: of a symmetric mesh, whose charts stay mirror images.
+    `halves`, `find_counterparts`: of a symmetric mesh, whose charts stay mirror images; `n_rounds`:
+    the second is for borders that could not move in the first.
     """
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
@@ -62,7 +64,7 @@ def straighten_charts(
     if find_counterparts is not None:
         for one, other in find_counterparts(pieces).items():
             partners[one] = other
-    for width in (BORDER_WIDTH, _NARROW) if len(pieces) > 1 else ():
+    for width in (BORDER_WIDTH, _NARROW)[:n_rounds] if len(pieces) > 1 else ():
         pieces = _straightened(surface, opposite, pieces, weights, width, halves, partners)
     return charts_of(pieces, charts)
 
