@@ -1,6 +1,7 @@
 """`lighten`: fewer triangles, one set of images, and all that the materials say."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -32,7 +33,7 @@ from texbake.jobs.options import RunOptions
 from texbake.mapping.options import UnwrapOptions
 from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.distance import surface_distance
-from texbake.mesh.files import read_mesh
+from texbake.mesh.files import read_mesh, write_mesh
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import (
     CHANNELS,
@@ -247,6 +248,13 @@ def test_a_gltf_file_without_materials_looks_as_before(tmp_path):
     options = replace(OPTIONS, uvs="auto", n_faces=3000, views=2)
     done = lighten_file(path, tmp_path / "light.glb", options)
     assert done.report.comparison.mean_db > 35.0
+
+
+def test_an_obj_file_without_materials_looks_as_before(tmp_path):
+    write_mesh(uv_sphere(12, 24), tmp_path / "ball.obj")
+    options = LightenOptions(views=2, quantize=False)
+    done = lighten_file(tmp_path / "ball.obj", tmp_path / "light.glb", options)
+    assert done.report.comparison.mean_db == math.inf
 
 
 def test_few_triangles_without_images_keep_their_colors_and_growth_is_a_warning(tmp_path):

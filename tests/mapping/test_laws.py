@@ -204,6 +204,26 @@ def test_no_face_is_smeared_across_a_seam(options, path):
         assert -areas[areas < 0.0].sum() < 1e-12
 
 
+def star(n_points):
+    """A prism over a star, whose two caps are polygons."""
+    n = 2 * n_points
+    turns = np.pi * np.arange(n) / n_points
+    radii = np.where(np.arange(n) % 2, 0.3, 1.0)
+    ring = np.stack([radii * np.cos(turns), radii * np.sin(turns), np.zeros(n)], axis=1)
+    inner, i = np.arange(1, n, 2), np.arange(n)
+    tips = np.stack([inner, (inner + 1) % n, (inner + 2) % n], axis=1)
+    fan = np.stack([np.full(n_points - 2, 1), inner[1:-1], inner[2:]], axis=1)
+    cap = np.concatenate([tips, fan])
+    j = np.roll(i, -1)
+    walls = np.stack([i, j, n + j, i, n + j, n + i], axis=1).reshape(-1, 3)
+    polygons = [np.zeros(len(cap)), np.ones(len(cap)), 2 + np.arange(2 * n) // 2]
+    return Mesh(
+        positions=np.concatenate([ring, ring + np.array([0.0, 0.0, 0.8])]),
+        faces=np.concatenate([cap[:, ::-1], n + cap, walls]),
+        polygon_of=np.concatenate(polygons).astype(np.int32),
+    )
+
+
 @pytest.mark.parametrize(("name", "options"), [
     ("creature", {"method": "cylindrical"}),
     ("creature", {"method": "spherical"}),
@@ -214,12 +234,15 @@ def test_no_face_is_smeared_across_a_seam(options, path):
     ("wall", {"method": "projector", "unseen": "aside", "camera": (40, 30)}),
     ("ball", {"quality": "fast"}),
     ("ball", {"quality": "best"}),
+    ("star", {"quality": "fast"}),
 ])  # fmt: skip
 def test_polygons_are_whole_across_seams(name, options, tmp_path):
     if name == "ball":
         mesh = grid_sphere(14, 24)
         bent = mesh.positions * (1 + 0.3 * np.sin(5 * mesh.positions[:, [1]]))
         mesh = mesh.replace(positions=bent, polygon_of=np.arange(mesh.n_faces) // 2)
+    elif name == "star":
+        mesh = star(16)
     else:
         mesh = read_mesh(write_model(name, tmp_path / "a.obj"))
     apart = unwrap(mesh.replace(polygon_of=None), **options).replace(polygon_of=mesh.polygon_of)

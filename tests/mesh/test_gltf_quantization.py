@@ -11,7 +11,7 @@ from texbake.mesh.files.gltf_mesh_materials import read_gltf_materials
 from texbake.mesh.files.gltf_write import write_glb
 from texbake.mesh.materials import ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.rig import Rig, RigObject
-from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.png_files import write_png
 
 
@@ -150,6 +150,17 @@ def test_a_mesh_without_size_is_one_point(path):
     mesh = plane().replace(positions=np.full((plane().n_vertices, 3), 7.25))
     write_glb(mesh, path, quantize=True)
     np.testing.assert_array_equal(read_gltf(path).positions, [[7.25, 7.25, 7.25]])
+
+
+def test_a_mesh_that_the_grid_would_flatten_keeps_floats(path):
+    for length, is_quantized in (500.0, True), (1e6, False):
+        mesh = cube()
+        mesh = mesh.replace(positions=mesh.positions * [length, 1.0, 1.0])
+        write_glb(mesh, path, quantize=True)
+        sides = np.ptp(read_gltf(path).bounds, axis=0)
+        np.testing.assert_allclose(sides, np.ptp(mesh.bounds, axis=0), rtol=0.01)
+        required = read_document(path).content.get("extensionsRequired", [])
+        assert ("KHR_mesh_quantization" in required) == is_quantized
 
 
 @pytest.mark.usefixtures("meshoptimizer")

@@ -98,8 +98,9 @@ static int32_t label_connected(const struct part *part, const int32_t *keys, int
     return number_labels(labels, part->n_faces);
 }
 
-/* Give the faces of a polygon the label of the first, as long as that leaves a division; return how
-   many labels there are. Pieces that are no longer connected get labels of their own. */
+/* Give the faces of a polygon the label of the first, or divide the largest polygon from the rest, as
+   long as that leaves a division; return how many labels there are. Pieces that are no longer
+   connected get labels of their own. */
 static int32_t keep_polygons(
     const struct cutting *cutting, const struct part *part, int32_t *labels, int32_t n_labels)
 {
@@ -116,16 +117,16 @@ static int32_t keep_polygons(
     }
     if (!is_cut)
         return n_labels;
-    /* A polygon of protected faces may be most of a part, and is then divided from the rest. */
-    const bool is_most = 2 * (int64_t)sizes[largest] > part->n_faces;
     int32_t n_pieces = label_connected(part, keys, pieces);
-    if (n_pieces < 2 && is_most) {
+    if (!is_division(cutting->arena, part, pieces, n_pieces)) {
         for (int32_t face = 0; face < part->n_faces; face++)
             keys[face] = firsts[face] == largest;
         n_pieces = label_connected(part, keys, pieces);
+        /* A polygon of protected faces may be most of a part. */
+        const bool is_most = 2 * (int64_t)sizes[largest] > part->n_faces;
+        if (n_pieces < 2 || !(is_most || is_division(cutting->arena, part, pieces, n_pieces)))
+            return n_labels;
     }
-    if (!is_division(cutting->arena, part, pieces, n_pieces) && (n_pieces < 2 || !is_most))
-        return n_labels;
     memcpy(labels, pieces, (size_t)part->n_faces * sizeof *labels);
     return n_pieces;
 }

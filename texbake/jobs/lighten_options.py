@@ -114,7 +114,8 @@ class LightenOptions(CheckedOptions):
     )
     quantize: bool = option(
         True,
-        "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization).",
+        "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization), unless the model is "
+        "over 1,000 times as long as thin.",
         flag="--quantize/--no-quantize",
     )
     views: int = option(

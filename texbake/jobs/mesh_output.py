@@ -216,9 +216,11 @@ class MaterialSimplifier:
 
 
 def bare_materials(path: PathLike, mesh: Mesh) -> Materials:
-    """Return what a format shows where its file has no materials: glTF's default material."""
-    names = ("metallic", "roughness") if Path(path).suffix.lower() in _GLTF else ()
-    bare = MeshMaterial(name=mesh.name, channels={name: ChannelSource((1.0,)) for name in names})
+    """Return what is shown where a file has no materials: for glTF, its default material."""
+    is_gltf = Path(path).suffix.lower() in _GLTF
+    values = {"metallic": 1.0, "roughness": 1.0} if is_gltf else {"roughness": 0.5}
+    channels = {name: ChannelSource((value,)) for name, value in values.items()}
+    bare = MeshMaterial(name=mesh.name, channels=channels)
     return Materials(face_materials=np.zeros(mesh.n_faces, np.int32), materials=(bare,))
 
 

@@ -120,6 +120,8 @@ def _library() -> Any:
 
 
 MOST_STEPS = 65535
+# Least steps along a side, unless it is as short as the rounding of float32 along the longest.
+_LEAST_STEPS, _FLAT = 64, 1e-7
 # The greatest square of texture coordinates: its steps are an eighth of a texel of 2048.
 _MAX_SIDE = 4.0
 # Where they may be coarse: a quarter of a texel of 1024, or a texel if an image repeats four times.
@@ -164,6 +166,14 @@ class Quantization:
     # floats.
     uv_grids: Mapping[int, Grid | None] = field(default_factory=lambda: MappingProxyType({}))
     is_octahedral: bool = False  # whether normals and tangents are
+
+    @staticmethod
+    def would_flatten(meshes: Sequence[Mesh]) -> bool:
+        """Whether a side of the meshes is so much shorter than the longest that steps show."""
+        bounds = np.array([mesh.bounds for mesh in meshes])
+        sides = bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0)
+        thin = _LEAST_STEPS / MOST_STEPS * sides.max()
+        return bool(((sides > _FLAT * sides.max()) & (sides < thin)).any())
 
     @classmethod
     def of(

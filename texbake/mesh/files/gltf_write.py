@@ -78,7 +78,8 @@ def write_glb(
     name = Path(path).stem if name is None else name
     asset = GltfAsset(compress=bool(compress))
     quantization = None
-    if compress if quantize is None else quantize:
+    wanted = compress if quantize is None else quantize
+    if wanted and not Quantization.would_flatten(meshes):
         coarse = is_coarse and bool(compress)
         quantization = Quantization.of(meshes, materials, is_coarse=coarse)
         asset.require(QUANTIZATION)
