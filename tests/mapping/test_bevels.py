@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from texbake.mapping.atlas.bevels import labels_of_planes
 from texbake.mapping.atlas.cutting.cut import surface_of
 from texbake.mapping.atlas.edge_weights import edge_weights
 from texbake.mapping.seams import chart_ids, seam_edges
@@ -90,6 +91,16 @@ def test_seams_leave_the_planes_of_a_beveled_box_whole(quality, n_triangles):
     ends = mesh.positions[np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2)[cut]]
     middles = np.sort(np.abs(ends.mean(axis=1)), axis=1)
     assert len(ends) and not ((middles[:, 2] > 0.5 - 1e-9) & (middles[:, 1] < 0.41)).any()
+
+
+def test_the_faces_of_a_plane_get_one_label_but_not_those_of_no_chart_or_of_a_cut_polygon():
+    planes = np.array([0, 0, 0, 0, 0, 5, 5, -1, -1], dtype=np.int32)
+    labels = np.array([2, 2, 2, 1, -1, 3, 4, 1, 1], dtype=np.int32)
+    polygons = np.array([0, 1, 2, 3, 4, 5, 6, 3, 8], dtype=np.int32)
+    most = labels_of_planes(planes, labels, least_share=0.75)
+    np.testing.assert_array_equal(most, [2, 2, 2, 2, -1, 3, 4, 1, 1])
+    whole = labels_of_planes(planes, labels, polygons, least_share=0.75)
+    np.testing.assert_array_equal(whole, labels)
 
 
 def test_a_plane_is_flat_as_a_whole():

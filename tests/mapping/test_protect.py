@@ -8,6 +8,7 @@ from texbake.mapping.overlap import find_overlaps
 from texbake.mapping.seams import seam_edges
 from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.shapes import icosphere
+from texbake.study.bench.solids import beveled_box
 
 
 def cap(mesh):
@@ -35,6 +36,15 @@ def test_no_seam_cuts_protected_faces(quality):
     assert inner_seams(kept, faces) == 0
     assert not report.notes
     assert not find_overlaps(kept.corner_uvs()).overlapping.any()
+
+
+@pytest.mark.parametrize("quality", ["fast", "good"])
+def test_a_plane_leaves_protected_faces_whole(quality):
+    mesh = beveled_box(3_000)
+    centers = mesh.positions[mesh.faces].mean(axis=1)
+    faces = np.flatnonzero((centers[:, 0] > 0.35) & (centers[:, 2] > 0.35))  # along a bevel
+    _, report = unwrap_with_report(mesh, quality=quality, protect=faces)
+    assert len(faces) and not report.notes
 
 
 def test_protected_faces_that_cannot_be_laid_flat_are_cut_and_named():

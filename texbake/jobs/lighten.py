@@ -56,7 +56,8 @@ class LightenReport:
     n_faces: int
     n_bytes_before: int  # of the files: of the model with its buffers and images, and of the result
     n_bytes: int
-    # what of the model led to new texture coordinates: "" if the options did, None if its own stay
+    # what of the model led to new texture coordinates: "" if the options or the number of triangles
+    # did, None if its own stay
     why_new_uvs: str | None
     n_materials_before: int
     n_materials: int

@@ -88,12 +88,12 @@ class _Fit:
         """
         n = len(self.own)
         ends = pm.vecmat(before.shares[:n], points[before.corners[:n]])
-        own = self.own[_apart(self.own, ends) > enough]
+        own = self.own[pm.norm(self.own - ends, axis=1) > enough]
         tree = TriangleTree.build(points, self.faces, threads=self.threads)
         to_here, ids, of_own = tree.closest_points(own, threads=self.threads)
         _, corners, shares = self._spread(points)
         places = pm.vecmat(shares, points[corners])
-        far = np.flatnonzero(_apart(places, before.targets[n:]) > enough)
+        far = np.flatnonzero(pm.norm(places - before.targets[n:], axis=1) > enough)
         there = self.tree.closest_points(places[far], threads=self.threads)[0]
         return _farthest(
             np.concatenate([self.faces[ids], corners[far]]),
@@ -132,10 +132,6 @@ class _Fit:
             weights,
             is_exact,
         )
-
-
-def _apart(places: FloatArray, others: FloatArray) -> FloatArray:
-    return np.asarray(np.sqrt(np.square(places - others).sum(axis=1)))
 
 
 def _farthest(

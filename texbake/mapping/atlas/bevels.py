@@ -79,16 +79,30 @@ def find_bevels(points: FloatArray, corners: IntArray, opposite: IntArray) -> Be
     )
 
 
-def labels_of_planes(planes: IntArray, labels: IntArray, least_share: float = 0.0) -> IntArray:
-    """(F,) labels of faces; those of a plane get the most frequent one if its share is enough."""
-    own = np.flatnonzero(planes >= 0)
+def labels_of_planes(
+    planes: IntArray,
+    labels: IntArray,
+    polygons: IntArray | None = None,
+    *,
+    least_share: float = 0.0,
+) -> IntArray:
+    """(F,) labels of faces; those of a plane get the most frequent one if its share is enough.
+
+    Faces of no label, -1, keep it, and polygons that would get several labels keep theirs.
+    """
+    own = np.flatnonzero((planes >= 0) & (labels >= 0))
     pairs, counts = np.unique(planes[own].astype(np.int64) << 32 | labels[own], return_counts=True)
     order = np.lexsort((counts, pairs >> 32))
     last = order[np.searchsorted(pairs[order] >> 32, planes[own], side="right") - 1]
     is_enough = counts[last] >= least_share * np.bincount(planes[own])[planes[own]]
-    labels = labels.copy()
-    labels[own[is_enough]] = pairs[last[is_enough]] & 0xFFFFFFFF
-    return labels
+    found = labels.copy()
+    found[own[is_enough]] = pairs[last[is_enough]] & 0xFFFFFFFF
+    if polygons is None:
+        return found
+    valid = labels >= 0
+    pairs = np.unique(polygons[valid].astype(np.int64) << 32 | found[valid])
+    numbers, counts = np.unique(pairs >> 32, return_counts=True)
+    return np.where(np.isin(polygons, numbers[counts > 1]), labels, found)
 
 
 def _perimeters(

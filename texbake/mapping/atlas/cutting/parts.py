@@ -61,7 +61,8 @@ def divide_parts(
 ) -> IntArray:
     """(F,) connected parts, new ones last, once those above `whole_faces` are divided.
 
-    `planes`: (F,) int32; the plane that each face is in, which is not divided, or -1.
+    `planes`: (F,) int32; the plane that each face is in, or in the margin of, which is not divided;
+    or -1.
     """
     large = (np.bincount(parts) > whole_faces)[parts]
     if not large.any():
@@ -78,7 +79,7 @@ def divide_parts(
     if polygons is not None:  # all protected faces are one polygon, which may be large
         labels[large] = labels[np.flatnonzero(large)[_firsts_of(polygons[large])]]
     if planes is not None:
-        labels = np.where(large, labels_of_planes(planes, labels), labels)
+        labels = np.where(large, labels_of_planes(planes, labels, polygons), labels)
     _, ranks = np.unique(np.where(large, labels + len(faces), parts), return_inverse=True)
     numbers: IntArray = ranks.astype(np.int32)
     if weights is not None:

@@ -151,7 +151,7 @@ def _moved(
     planes = surface.bevels.planes
     if halves is None:
         move(opposite >= 0, weights)
-        return labels_of_planes(planes, labels, _WHOLE)
+        return labels_of_planes(planes, labels, surface.polygons, least_share=_WHOLE)
     is_cut = np.repeat(halves.sides >= 0, 3)
     within = (opposite >= 0) & (is_cut == is_cut[opposite])
     move(within & is_cut, weights)
@@ -159,7 +159,7 @@ def _moved(
     pairs = np.minimum(labels, partners[labels])
     is_pair = (pairs[opposite // 3] == np.repeat(pairs, 3)) & (opposite >= 0)
     move(is_pair, weights * plane_costs(surface, halves.plane))
-    return labels_of_planes(planes, labels, _WHOLE)
+    return labels_of_planes(planes, labels, surface.polygons, least_share=_WHOLE)
 
 
 def _laid(
