@@ -169,8 +169,8 @@ def _check_layers(layers: Mapping[str, Image], path: PathLike) -> None:
 ENCODINGS = {"webp": ".webp", "jpeg": ".jpg", "png": ".png"}
 # How long WebP looks for fewer bytes: from 4 on, twice the time saves less than a tenth.
 _WEBP_METHOD = 4
-# Of lossless WebP: how long it looks, and how many times the bytes that it may have a quick attempt
-# may take.
+# Effort of lossless WebP, and the most bytes of a quick attempt, as a multiple of the bytes below
+# which the result must stay.
 _WEBP_EFFORT, _MOST_OF_QUICK = 75, 4
 
 
