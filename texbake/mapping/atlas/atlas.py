@@ -13,7 +13,6 @@ import numpy as np
 from texbake.errors import UnwrapError
 from texbake.mapping.atlas.charts import (
     Charts,
-    ChartSurface,
     border_length,
     enlarged,
     existing_charts,
@@ -29,7 +28,7 @@ from texbake.mapping.atlas.charts import (
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
 from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
 from texbake.mapping.atlas.cutting.marked import marked_charts
-from texbake.mapping.atlas.cutting.parts import connected_parts
+from texbake.mapping.atlas.cutting.parts import all_have_boundaries
 from texbake.mapping.atlas.flatten import chart_stretch, relax_charts
 from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.bound import bound_charts
@@ -293,7 +292,7 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
     if options.quality == "fast":
         halves = None
     charts: Charts | None = None
-    if halves is not None and _may_lie_flat(surface):
+    if halves is not None and all_have_boundaries(surface.joints[2]):
         charts = _cut(source, source.weights, options)
         # Where no chart meets another, there is no border that a mirror image could differ from.
         if charts.n_charts == face_components(surface.corners, len(surface.points))[1]:
@@ -308,14 +307,6 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
     charts = _bounded(source, charts, options)
     note = (f"no charts share texels, because {why}",) if overlaps else ()
     return replace(charts, notes=(*charts.notes, *note))
-
-
-def _may_lie_flat(surface: ChartSurface) -> bool:
-    """Whether each connected part has a boundary: no closed part is one chart."""
-    opposite = surface.joints[2]
-    parts = connected_parts(opposite)
-    at_boundary = (opposite.reshape(-1, 3) < 0).any(axis=1)
-    return len(np.unique(parts[at_boundary])) == len(np.unique(parts))
 
 
 def _cut_either_way(
