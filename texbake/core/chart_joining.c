@@ -15,6 +15,7 @@
 
 #include "chart_cutting.h"
 #include "core.h"
+#include "flattening.h"
 #include "numbers.h"
 
 /* A chart joins a neighbor with which it shares so much of its border, one of the few that it shares
@@ -233,33 +234,13 @@ static double excess_of(const struct part *part)
     return part->area * (part->l2 * part->l2 - 1.0);
 }
 
-/* The largest stretch of a face of a part that is laid out, in any direction. */
-static double greatest_stretch(const struct cutting *cutting, const struct part *part)
+/* The largest stretch of a face of a part that is laid out. */
+static double greatest_of_part(const struct cutting *cutting, const struct part *part)
 {
     double most = 1.0;
-    for (int64_t face = 0; face < part->n_faces; face++) {
-        const int32_t *corners = cutting->corners[part->face_ids[face]];
-        double first = 0.0, dot = 0.0, second = 0.0, a[2], b[2];
-        for (int axis = 0; axis < 3; axis++) {
-            const double start = cutting->points[corners[0]][axis];
-            const double x = cutting->points[corners[1]][axis] - start;
-            const double y = cutting->points[corners[2]][axis] - start;
-            first += x * x;
-            dot += x * y;
-            second += y * y;
-        }
-        for (int axis = 0; axis < 2; axis++) {
-            const double start = part->uvs[part->faces[face][0]][axis];
-            a[axis] = part->uvs[part->faces[face][1]][axis] - start;
-            b[axis] = part->uvs[part->faces[face][2]][axis] - start;
-        }
-        const double square = first * second - dot * dot, growth = a[0] * b[1] - a[1] * b[0];
-        const double sum = second * (a[0] * a[0] + a[1] * a[1])
-            - 2.0 * dot * (a[0] * b[0] + a[1] * b[1]) + first * (b[0] * b[0] + b[1] * b[1]);
-        const double root = sqrt(max_f64(sum * sum - 4.0 * square * growth * growth, 0.0));
-        if (square > 0.0 && growth > 0.0)
-            most = max_f64(most, sqrt((sum + root) / 2.0) / growth);
-    }
+    for (int64_t face = 0; face < part->n_faces; face++)
+        most = max_f64(most, stretch_of_face(cutting->points, cutting->corners[part->face_ids[face]],
+            (const double (*)[2])part->uvs, part->faces[face]));
     return most;
 }
 
@@ -268,9 +249,9 @@ static bool is_crushed(
     const struct cutting *cutting, const struct part *joined, const struct part *one,
     const struct part *other)
 {
-    const double most = greatest_stretch(cutting, joined);
-    return most > MOST_OF_FACE && most > greatest_stretch(cutting, one)
-        && most > greatest_stretch(cutting, other);
+    const double most = greatest_of_part(cutting, joined);
+    return most > MOST_OF_FACE && most > greatest_of_part(cutting, one)
+        && most > greatest_of_part(cutting, other);
 }
 
 /* Whether two charts may be tried as one. */

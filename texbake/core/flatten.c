@@ -14,7 +14,8 @@
    that the caller can divide the patch. Lipman, "Bijective Mappings of Meshes with Boundary and the
    Degree in Mesh Processing", 2014.
 
-   Called from part_layout.c and texbake/mapping/atlas/flatten.py. */
+   Called from part_layout.c, chart_joining.c, texbake/mapping/atlas/flatten.py and, beside it,
+   joining/pieces.py. */
 
 #include "flattening.h"
 
@@ -160,6 +161,41 @@ EXPORT int64_t flatten_patch(
         write_figures(&flat, figures);
     close_arena(arena);
     return is_laid;
+}
+
+double stretch_of_face(
+    const double (*points)[3], const int32_t corners[3], const double (*uvs)[2],
+    const int32_t flat_corners[3])
+{
+    double first = 0.0, dot = 0.0, second = 0.0, a[2], b[2];
+    for (int axis = 0; axis < 3; axis++) {
+        const double start = points[corners[0]][axis];
+        const double x = points[corners[1]][axis] - start, y = points[corners[2]][axis] - start;
+        first += x * x;
+        dot += x * y;
+        second += y * y;
+    }
+    for (int axis = 0; axis < 2; axis++) {
+        const double start = uvs[flat_corners[0]][axis];
+        a[axis] = uvs[flat_corners[1]][axis] - start;
+        b[axis] = uvs[flat_corners[2]][axis] - start;
+    }
+    const double square = first * second - dot * dot, growth = a[0] * b[1] - a[1] * b[0];
+    const double sum = second * (a[0] * a[0] + a[1] * a[1])
+        - 2.0 * dot * (a[0] * b[0] + a[1] * b[1]) + first * (b[0] * b[0] + b[1] * b[1]);
+    const double root = sqrt(max_f64(sum * sum - 4.0 * square * growth * growth, 0.0));
+    return square > 0.0 && growth > 0.0 ? sqrt((sum + root) / 2.0) / growth : 1.0;
+}
+
+/* Return the largest stretch of a triangle of a layout. */
+EXPORT double greatest_stretch(
+    int64_t n, int64_t n_faces, const double points[n][3], const int32_t faces[n_faces][3],
+    const double uvs[n][2])
+{
+    double most = 1.0;
+    for (int64_t face = 0; face < n_faces; face++)
+        most = max_f64(most, stretch_of_face(points, faces[face], uvs, faces[face]));
+    return most;
 }
 
 /* Move a layout to the origin, give it its area in space, and measure it as `flatten_patch` does.

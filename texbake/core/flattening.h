@@ -150,5 +150,11 @@ bool flatten(
     struct arena *arena, const struct patch *patch, const double (*points)[3], bool has_start,
     struct limits limits, double (*uvs)[2], struct flat *flat);
 
+/* L∞ stretch of a triangle (Sander et al. 2001), by the indices of its corners in space and in the layout;
+   1 without area. */
+double stretch_of_face(
+    const double (*points)[3], const int32_t corners[3], const double (*uvs)[2],
+    const int32_t flat_corners[3]);
+
 /* Whether no two triangles of a layout without flips overlap. */
 bool is_injective(struct arena *arena, const double (*uvs)[2], const struct patch *patch);

@@ -115,7 +115,7 @@ class LightenOptions(CheckedOptions):
     quantize: bool = option(
         True,
         "Write vertices as 8- and 16-bit integers (KHR_mesh_quantization), unless the model is "
-        "over 1,000 times as long as thin.",
+        "over 1,000 times as long as thick.",
         flag="--quantize/--no-quantize",
     )
     views: int = option(

@@ -88,38 +88,20 @@ def _flat(uvs: FloatArray, figures: FloatArray) -> Flat:
 
 def face_energies(corners: FloatArray, uvs: FloatArray) -> FloatArray:
     """(m,) float64: a quarter of the symmetric Dirichlet energy of each face, 1 at best."""
-    squares, growth, sums = _invariants(corners, uvs)
+    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
+    first = (edges[:, 0] ** 2).sum(axis=1)
+    dot, second = (edges[:, 0] * edges[:, 1]).sum(axis=1), (edges[:, 1] ** 2).sum(axis=1)
+    squares = first * second - dot**2  # of twice the area
+    a, b = uv_edges[:, 0], uv_edges[:, 1]
+    growth = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    sums = second * (a**2).sum(axis=1) - 2.0 * dot * (a * b).sum(axis=1)
+    sums += first * (b**2).sum(axis=1)
     valid = (squares > 0.0) & (growth > 0.0)
     energies = np.ones(len(corners))
     np.divide(sums, 4.0 * squares, out=energies, where=valid)
     inverse = np.zeros(len(corners))
     np.divide(squares, growth**2, out=inverse, where=valid)
     return np.where(valid, np.minimum(energies * (1.0 + inverse), 1e6), 1.0)
-
-
-def greatest_stretch(corners: FloatArray, uvs: FloatArray) -> float:
-    """L∞ stretch of faces (m,) at the scale of their coordinates; faces without area count as 1."""
-    squares, growth, sums = _invariants(corners, uvs)
-    roots = np.sqrt(np.maximum(sums**2 - 4.0 * squares * growth**2, 0.0))
-    stretch = np.ones(len(corners))
-    np.divide(sums + roots, 2.0 * growth**2, out=stretch, where=(squares > 0.0) & (growth > 0.0))
-    return float(np.sqrt(stretch.max()))
-
-
-def _invariants(corners: FloatArray, uvs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(m,) float64 each: 4 A², twice the signed area in the texture, and 4 A² trace(JᵀJ).
-
-    A is the area of a face in space, and J its map to the texture.
-    """
-    edges, uv_edges = corners[:, 1:] - corners[:, :1], uvs[:, 1:] - uvs[:, :1]
-    first = (edges[:, 0] ** 2).sum(axis=1)
-    dot, second = (edges[:, 0] * edges[:, 1]).sum(axis=1), (edges[:, 1] ** 2).sum(axis=1)
-    squares = first * second - dot**2
-    a, b = uv_edges[:, 0], uv_edges[:, 1]
-    growth = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-    sums = second * (a**2).sum(axis=1) - 2.0 * dot * (a * b).sum(axis=1)
-    sums += first * (b**2).sum(axis=1)
-    return squares, growth, sums
 
 
 _ACCURACY = 1e-5  # at which `flatten` stops

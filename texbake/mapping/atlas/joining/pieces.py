@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.charts import Charts, ChartSurface
-from texbake.mapping.atlas.flatten import greatest_stretch, measure_layout
+from texbake.mapping.atlas.flatten import measure_layout
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import merged_labels
 from texbake.mesh.mesh import FloatArray, IntArray
@@ -60,8 +60,8 @@ class ChartPiece:
 
     @cached_property
     def linf(self) -> float:
-        """L∞ stretch of the piece alone."""
-        return greatest_stretch(self.points[self.faces], self.uvs[self.faces])
+        """L∞ stretch of the piece alone. Kernel: `core/flatten.c`."""
+        return float(core.greatest_stretch(self.points, self.faces, self.uvs))
 
     def is_crushed(self, before: Sequence[ChartPiece]) -> bool:
         """Whether a face stretches too much, and more than any face of the pieces before."""
