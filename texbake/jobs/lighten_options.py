@@ -53,9 +53,9 @@ class LightenOptions(CheckedOptions):
     uvs: str = option(
         "auto",
         "Texture coordinates: keep them, and the images of each material; make new ones, and bake "
-        "all materials into one set of images; or auto. That makes new ones if images lie on "
-        "further sets, if more than 8 materials have images, and, for fewer triangles, if "
-        "coordinates overlap.",
+        "all materials into one set of images; or auto, which makes new ones where images lie "
+        "on further sets, more than 8 materials have images, or, with fewer triangles, coordinates "
+        "overlap.",
         choices=("auto", "keep", "new"),
     )
     stack: bool = option(
