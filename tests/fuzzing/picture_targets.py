@@ -12,6 +12,7 @@ from random_scenes import random_scene, with_object, write_images
 
 import texbake as tb
 from texbake.core import core, portable_math as pm
+from texbake.jobs.light_images import squared_errors
 from texbake.mesh.topology import surface_side
 from texbake.rendering.camera import fill_picture
 from texbake.rendering.closeness import structural_similarities, view_errors
@@ -98,6 +99,9 @@ def coding(drawn):
         path = Path(folder) / "codes.png"
         write_png(path, np.atleast_3d(drawn.pick(codes)))
         tb.read_image(path, color=False)
+    picture = quantize_unsigned(drawn.image(channels=(3, 4)), 8)
+    for other in (picture[::-1], picture.repeat(2, axis=0).repeat(2, axis=1)):
+        squared_errors(picture, other, is_cut=picture.shape[2] == 4)
 
 
 def heights(drawn):
