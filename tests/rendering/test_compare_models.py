@@ -11,6 +11,7 @@ from texbake_cli.main import texbake
 
 from texbake.errors import OptionError, ReadWarning
 from texbake.mesh.files import write_mesh
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.pages.picture_pages import write_contributions_page
@@ -116,6 +117,14 @@ def test_other_formats_show_their_materials(tmp_path):
     (tmp_path / "a.mtl").write_text("newmtl a\nKd 0.9 0.6 0.1\nPm 1\nPr 1\n")
     found = compare_models(tmp_path / "a.obj", tmp_path / "a.glb", n_views=2, options=SMALL)
     assert found.worst_db < 40
+
+
+def test_a_model_without_normals_is_hard_at_its_sharp_edges(tmp_path):
+    """Whatever is made of it has hard normals there."""
+    write_mesh(cube(), tmp_path / "a.obj")
+    write_mesh(with_normals(cube(), "angle"), tmp_path / "a.glb")
+    found = compare_models(tmp_path / "a.obj", tmp_path / "a.glb", n_views=2, options=SMALL)
+    assert found.worst_db == math.inf
 
 
 def test_images_without_texture_coordinates_are_left_out(tmp_path):

@@ -26,6 +26,7 @@ from texbake.core import portable_math as pm
 from texbake.errors import OptionError
 from texbake.files import PathLike, written_file
 from texbake.mesh.files import read_mesh
+from texbake.mesh.hard_edges import with_sharp_edges
 from texbake.progress import Progress, Stages
 from texbake.records import dataclass
 from texbake.rendering.camera import Camera
@@ -209,7 +210,10 @@ def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
 
 
 def model_scene(path: PathLike, *, at_rest: bool = False) -> Scene:
-    """Read a model file as a scene in the light of a room, without its own lights and cameras."""
+    """Read a model file as a scene in the light of a room, without its own lights and cameras.
+
+    A mesh without normals is hard at its sharp edges, as it is baked.
+    """
     file = written_file(path)
     if file.suffix.lower() in _GLTF:
         scene = read_gltf_scene(file, at_rest=at_rest)
@@ -217,6 +221,8 @@ def model_scene(path: PathLike, *, at_rest: bool = False) -> Scene:
         from texbake.rendering.scene.read import scene_from_materials
 
         mesh = read_mesh(file)
+        if mesh.normals is None:
+            mesh = with_sharp_edges(mesh)
         materials = read_materials(file, mesh)
         scene = replace(scene_from_materials(mesh, materials), files=(Path(path),))
     room = Environment(image=STUDIO_ROOM, background=False, lighting=True, size=_ROOM_PX)
