@@ -6,7 +6,9 @@ import pytest
 import texbake
 from tests.glb import glb_bytes, read_glb
 from texbake import Mesh, read_image
+from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.shapes import cube, uv_sphere
+from texbake.texture.png_files import write_png
 from texbake.verbs.preview import preview_files
 
 SMALL = {"width": 96, "height": 64}
@@ -35,6 +37,24 @@ def test_back_faces_are_shown_and_reported(drawn, mesh):
     (row,) = [text for label, text in done.table() if label == "back faces"]
     assert float(row.split(" %")[0]) > 90.0
     assert not done.warnings
+
+
+def test_a_mesh_without_normals_is_hard_at_sharp_edges_but_smooth_with_a_normal_map(tmp_path):
+    write_png(tmp_path / "flat.png", np.full((4, 4, 3), (128, 128, 255), np.uint8))
+    maps = {"normal_map": tmp_path / "flat.png"}
+    bare = cube().replace(uvs=cube().positions[:, :2], uv_faces=cube().faces)
+    meshes = (bare, with_normals(bare), with_normals(bare, "smooth"))
+
+    def drawn(**maps):
+        for mesh in meshes:
+            texbake.write_mesh(mesh, tmp_path / "cube.obj")
+            preview_files(tmp_path / "cube.obj", tmp_path / "picture.png", SMALL, **maps)
+            yield (tmp_path / "picture.png").read_bytes()
+
+    plain, hard, smooth = drawn()
+    assert plain == hard != smooth
+    plain, hard, smooth = drawn(**maps)
+    assert plain == smooth != hard
 
 
 def test_front_faces_are_shown_without_a_report(drawn):

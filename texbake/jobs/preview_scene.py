@@ -20,6 +20,7 @@ from texbake.files import PathLike
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.files import read_mesh
 from texbake.mesh.files.source import parsed_once
+from texbake.mesh.hard_edges import with_sharp_edges
 from texbake.mesh.mesh import FloatArray, IntArray, Mesh
 from texbake.mesh.topology import surface_side
 from texbake.progress import Progress
@@ -72,6 +73,9 @@ def open_preview(
         with parsed_once():
             mesh = read_mesh(path, progress=progress)
             materials = None if as_mesh else shown_materials(path, mesh)
+        # A normal map belongs to the normals that it was baked for, which are smooth.
+        if mesh.normals is None and not files and not _has_normal_maps(materials):
+            mesh = with_sharp_edges(mesh)
         if materials is None:
             scene = studio_scene(mesh, **files, space=space, options=chosen)
             return scene, _exposing(chosen)
@@ -97,6 +101,10 @@ def shown_materials(path: PathLike, mesh: Mesh) -> Materials | None:
     if found is None or not (found.has_vertex_colors or any(m.channels for m in found.materials)):
         return None
     return found
+
+
+def _has_normal_maps(materials: Materials | None) -> bool:
+    return materials is not None and any(materials.sources("normal"))
 
 
 def _exposing(options: RenderOptions) -> RenderOptions:
