@@ -118,7 +118,7 @@ def test_a_surface_stays_one_where_it_cannot_come_down(quality):
     low, report = simplify_with_report(mesh, 10, quality=quality)
     assert not report.reached
     assert report.notes[-1] == (
-        f"its topology does not allow fewer than {low.n_faces} faces: its holes and tunnels stay"
+        f"the topology does not allow fewer than {low.n_faces} faces: holes and tunnels stay"
     )
     assert 10 < low.n_faces < 0.2 * mesh.n_faces
     assert_clean(low)
@@ -297,7 +297,7 @@ def test_seams_are_kept_or_dropped_as_asked(quality):
     kept, of_kept = simplify_with_report(mesh, 100, quality=quality, seams="keep")
     assert kept.uvs is not None and kept.n_faces > 100 and not of_kept.reached
     assert of_kept.notes == (
-        f"its texture coordinates and topology do not allow fewer than {kept.n_faces} faces",
+        f"texture coordinates and topology do not allow fewer than {kept.n_faces} faces",
     )
     dropped, of_dropped = simplify_with_report(mesh, 2000, quality=quality, seams="drop")
     assert dropped.n_faces == 2000 and dropped.uvs is None and of_dropped.notes == ()
@@ -484,7 +484,7 @@ def test_texture_coordinates_without_any_area_are_left_out(quality):
         mesh.replace(uvs=[[0.0, 0.0], [0.1, 0.1]], uv_faces=uv_faces), 300, quality=quality
     )
     assert_same(low, simplify(mesh, 300, quality=quality))
-    assert report.notes == ("its texture coordinates, where no face has an area, were left out",)
+    assert report.notes == ("the texture coordinates, where no face has an area, were left out",)
 
 
 @BOTH

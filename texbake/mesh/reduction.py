@@ -71,7 +71,7 @@ _COLLAPSES = "collapsed edges"
 
 # Notes on what becomes of edges of three or more faces where they are in the way.
 APART = "surfaces that touch were taken apart"
-CUT = "its topology was given up: surfaces were cut through at necks and tunnels"
+CUT = "the topology was given up: surfaces were cut through at necks and tunnels"
 
 
 @dataclass(frozen=True)
@@ -110,13 +110,11 @@ def reduced(
         mesh = mesh.replace(uvs=None, uv_faces=None)
     if is_flat_shaded(mesh, threads=threads):
         bare = mesh.replace(normals=None, normal_faces=None)
-        return noted(
-            again(bare), "its normals are those of its facets: none of its edges counts as hard"
-        )
+        return noted(again(bare), "the normals are those of the facets, so no edge counts as hard")
     if _is_without_charts(mesh):
         bare = mesh.replace(uvs=None, uv_faces=None)
         return noted(
-            again(bare), "its texture coordinates, where no face has an area, were left out"
+            again(bare), "the texture coordinates, where no face has an area, were left out"
         )
     stream = weld_corners(mesh, shades=shades, importance=importance, threads=threads)
     start = bring_down(stream, n_faces, threads=threads)
@@ -156,9 +154,9 @@ def _why_not(result: Reduction, n_faces: int) -> str | None:
     """Why a result has more faces than requested, or fewer; None where it has as many."""
     n_left = result.mesh.n_faces
     if n_left > n_faces and result.mesh.uvs is not None:
-        return f"its texture coordinates and topology do not allow fewer than {n_left} faces"
+        return f"texture coordinates and topology do not allow fewer than {n_left} faces"
     if n_left > n_faces:
-        return f"its topology does not allow fewer than {n_left} faces: its holes and tunnels stay"
+        return f"the topology does not allow fewer than {n_left} faces: holes and tunnels stay"
     if n_left >= (1.0 - SLACK) * n_faces:
         return None
     reason = "faces that came to lie on one another were dropped"
