@@ -7,7 +7,7 @@ of bytes. Images get the sides and qualities with the least error in the bytes t
 For a number of bytes, numbers of triangles are tried from many to few, down to the first with the
 finest images, then one between the best and the next larger. For a PSNR, bisection finds the fewest
 triangles that reach it with the finest images. What images add to the error then tells which number
-of bytes to try.
+of bytes to try. Last comes one number of triangles between those of the result and the next fewer.
 """
 
 from __future__ import annotations
@@ -171,12 +171,17 @@ class Budget:
         if first < 0:
             return best
         best = self._with_fewer_bytes(counts[first], best, db)
-        for n_faces in counts[:first][::-1]:
-            trial = self._trial(n_faces, int(_LESS * best.n_bytes), db)
-            if trial.db < db:
-                break
-            best = self._with_fewer_bytes(n_faces, trial, db)
+        while first > 0 and (smaller := self._smaller(counts[first - 1], best, db)) is not None:
+            first, best = first - 1, smaller
+        if first < len(counts) - 1:
+            between = math.isqrt(counts[first] * counts[first + 1])
+            best = self._smaller(between, best, db) or best
         return best
+
+    def _smaller(self, n_faces: int, best: Trial, db: float) -> Trial | None:
+        """Return a smaller model than `best` with `db` and so many triangles, if there is one."""
+        trial = self._trial(n_faces, int(_LESS * best.n_bytes), db)
+        return self._with_fewer_bytes(n_faces, trial, db) if trial.db >= db else None
 
     def _with_fewer_bytes(self, n_faces: int, best: Trial, db: float) -> Trial:
         """Return the smallest model found with `db` and so many triangles.
