@@ -4,6 +4,7 @@ import json
 import math
 import re
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -509,30 +510,50 @@ def test_a_target_size_is_kept_and_more_bytes_come_closer(tmp_path):
         lighten_file(model, tmp_path / "light.glb", LightenOptions(target_size=500))
 
 
-def test_triangles_become_fewer_until_a_target_size_fits(monkeypatch):
+@pytest.fixture
+def budget_of(monkeypatch):
+    """Return a function that makes a budget whose trials have the bytes and dB of a function."""
     mesh = uv_sphere(48, 96)
     materials = Materials(
         face_materials=np.zeros(mesh.n_faces, np.int32), materials=(MeshMaterial(name="a"),)
     )
 
-    def made(budget, n_faces, n_bytes, least_db):
-        model = LightModel(
-            mesh=excerpt(mesh, np.arange(mesh.n_faces) < n_faces),
-            materials=materials,
-            pictures=(),
-            simplified=None,
-            warnings=(),
-        )
-        return Trial(
-            light_model=model,
-            materials=materials,
-            n_bytes=50_000 if n_faces < 800 else 200_000,
-            compare=lambda: SimpleNamespace(mean_db=float(n_faces)),
-        )
+    def budget(n_bytes_of, db_of):
+        def made(budget, n_faces, n_bytes, least_db=0.0):
+            model = LightModel(
+                mesh=excerpt(mesh, np.arange(mesh.n_faces) < n_faces),
+                materials=materials,
+                pictures=(),
+                simplified=None,
+                warnings=(),
+            )
+            compare = partial(SimpleNamespace, mean_db=db_of(n_faces))
+            size = n_bytes_of(n_faces)
+            return Trial(
+                light_model=model,
+                materials=materials,
+                n_bytes=size,
+                compare=compare if size <= n_bytes else None,
+            )
 
-    monkeypatch.setattr(Budget, "_trial", made)
-    source = Source(mesh, materials, None, LightenOptions(), Stages(), None)
-    assert Budget("a.glb", source, "b.glb").within(100_000).light_model.mesh.n_faces < 800
+        monkeypatch.setattr(Budget, "_trial", made)
+        source = Source(mesh, materials, None, LightenOptions(), Stages(), None)
+        return Budget("a.glb", source, "b.glb")
+
+    return budget
+
+
+def test_triangles_become_fewer_until_a_target_size_fits(budget_of):
+    budget = budget_of(lambda n: 50_000 if n < 800 else 200_000, float)
+    assert budget.within(100_000).light_model.mesh.n_faces < 800
+
+
+def test_a_psnr_is_reached_with_hardly_more_triangles_than_it_takes(budget_of, monkeypatch):
+    monkeypatch.setattr(Budget, "_in_large_pictures", lambda budget, trial: trial)
+    budget = budget_of(lambda n: 100 * n, lambda n: n / 100.0)
+    for n_faces in range(900, 8000, 500):
+        found = budget.reaching(n_faces / 100.0).light_model.mesh.n_faces
+        assert n_faces <= found <= 1.01 * math.sqrt(1.5) * n_faces
 
 
 def test_a_psnr_is_reached_with_few_bytes_or_the_reachable_one_is_named(tmp_path):

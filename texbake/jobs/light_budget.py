@@ -7,7 +7,7 @@ of bytes. Images get the sides and qualities with the least error in the bytes t
 For a number of bytes, numbers of triangles are tried from many to few, down to the first with the
 finest images, then one between the best and the next larger. For a PSNR, bisection finds the fewest
 triangles that reach it with the finest images. What images add to the error then tells which number
-of bytes to try. Last comes one number of triangles between those of the result and the next fewer.
+of bytes to try. Last comes a number of triangles between that of the result and the next lower one.
 """
 
 from __future__ import annotations
