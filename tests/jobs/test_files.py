@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,8 @@ from texbake import BakeOptions
 from texbake.errors import FileError, FileFormatError, MeshError
 from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.outputs import write_report
-from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.hard_edges import with_normals
+from texbake.mesh.shapes import cube, uv_sphere
 from texbake.verbs.info import info_file
 from texbake.verbs.make import make_file
 from texbake.verbs.map_bakes import remap_files
@@ -40,6 +42,19 @@ def test_a_bake_of_files_is_a_bake_of_their_meshes(folder):
     assert Path("expected.png").read_bytes() == Path("maps/normal.png").read_bytes()
     assert done.maps["normal"].bits == 16
     assert [stage.name for stage in done.report.stages][:1] == ["read meshes"]
+
+
+@pytest.mark.parametrize(("high", "changes", "is_warned"), [
+    (cube(), {}, True),
+    (cube(), {"high_shading": "flat"}, False),
+    (cube(), {"maps": ("displacement",)}, False),
+    (with_normals(cube()), {}, False),
+    (uv_sphere(16, 32).replace(uvs=None, uv_faces=None), {}, False),
+])  # fmt: skip
+def test_a_warning_says_that_a_bake_rounds_sharp_edges(folder, high, changes, is_warned):
+    texbake.write_mesh(high, "high.obj")
+    done = bake_files("high.obj", "ball.obj", "maps", replace(OPTIONS, **changes))
+    assert any("sharp edges round" in warning for warning in done.warnings) == is_warned
 
 
 def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ from texbake.files import PathLike, appearing_together, make_folder, scratch_fol
 from texbake.jobs.fit import check_fit, with_diagnosis
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.mesh.files import read_mesh
+from texbake.mesh.hard_edges import with_sharp_edges
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
@@ -34,6 +35,7 @@ from texbake.texture.image import read_image, write_image
 from texbake.texture.model_materials import read_materials
 
 DEFAULT_FORMAT = "png"
+_MOST_CAD_FACES = 1_000_000  # more make a scan, in which finding no sharp edges takes time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,7 +140,8 @@ def bake_files(
         figures = replace(figures, budget=with_actual_time(figures.budget, clock))
     size = float(np.ptp(low_mesh.bounds, axis=0).max())
     redundant = redundant_maps({name: result.maps[name] for name in maps}, size)
-    done = map_files(figures, stages.records, written, files.outputs, redundant)
+    notes = [*_rounded_edges(high_mesh, options), *redundant]
+    done = map_files(figures, stages.records, written, files.outputs, notes)
     if files.html is not None and isinstance(high_mesh, Mesh):
         write_bake_page(
             files.html, high_mesh, low_mesh, baked, asked=options.maps, stages=done.report.stages,
@@ -161,6 +164,24 @@ def _read_high(
         return _read_whole(path, join_objects, progress)
     with Stages(progress).stage(f"read {Path(path).name}"):
         return StreamedMesh.open(source, threads=options.threads)
+
+
+def _rounded_edges(high: Mesh | StreamedMesh, options: BakeOptions) -> Iterator[str]:
+    """Yield a warning if a high-poly mesh without normals seems to have hard edges."""
+    if not (
+        isinstance(high, Mesh)
+        and high.normals is None
+        and high.n_faces <= _MOST_CAD_FACES
+        and "normal" in options.maps
+        and options.high_shading == "smooth"
+    ):
+        return
+    if with_sharp_edges(high, threads=options.threads) is not high:
+        yield (
+            f"{high.name}: the file has no normals, so the normal map shows its sharp edges round; "
+            "set `high_shading` to flat, or make hard normals with: texbake transform --normals "
+            "angle"
+        )
 
 
 def _materials(
