@@ -1,6 +1,7 @@
 """Fixtures shared by all tests."""
 
 import gc
+import os
 import signal
 import sys
 from collections import Counter
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import settings
 
 from tests.models import HAS_REAL, REAL
+from texbake import RenderOptions
 
 # The same examples in every run. None is too slow: machines are busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -21,6 +23,9 @@ with suppress(ImportError):
     from hypothesis.internal.conjecture import providers
 
     providers._get_local_constants = lambda: providers._local_constants
+
+# No file that a test writes outlives the power of the machine, so that none waits for its disk.
+os.fsync = lambda descriptor: None
 
 # A process that was started in the background, or by nohup, ignores signals, and so would all that
 # it starts.
@@ -87,14 +92,22 @@ def meshoptimizer():
     )
 
 
+SMALL = {
+    "jobs.options._PICTURE_SIZE": 64,
+    "jobs.lighten.LARGE_PX": 64,
+    "jobs.preview_scene._ROOM_SIZE": 8,
+    "jobs.side_pictures.CHECKER_PICTURE": RenderOptions(width=64, height=64),
+    "jobs.side_pictures.FINDINGS_PICTURE": RenderOptions(width=64, height=64, back_faces="show"),
+    "rendering.compare_models._PICTURE_PX": 64,
+    "rendering.compare_models._ROOM_PX": 8,
+    "pages.asset_page._PICTURE_PX": 64,
+}
+
+
 def draw_small(patch):
     """Draw the pictures of comparisons and pages at a small size, in this process."""
-    for name in (
-        "jobs.options._PICTURE_SIZE",
-        "rendering.compare_models._PICTURE_PX",
-        "pages.asset_page._PICTURE_PX",
-    ):
-        patch.setattr(f"texbake.{name}", 64)
+    for name, value in SMALL.items():
+        patch.setattr(f"texbake.{name}", value)
 
 
 @pytest.fixture

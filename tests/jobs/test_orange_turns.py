@@ -126,7 +126,7 @@ def test_the_plot_has_a_mark_for_every_figure(turns):
     assert "The light turns" in svg and "angle of the viewer" in svg
 
 
-def test_the_page_of_the_demo_shows_the_plots(tmp_path, monkeypatch, turns):
+def test_the_page_of_the_demo_shows_the_plots(tmp_path, monkeypatch, turns, small_pictures):
     monkeypatch.setattr("texbake.jobs.orange_turns.measure_turns", lambda **options: turns)
     options = DemoOptions(triangles=5_000, faces=100, size=64)
     page = tmp_path / "new" / "orange.html"
