@@ -1,6 +1,5 @@
 """Samples run as a newcomer runs them, and write what they name; tests/goldens runs others."""
 
-import csv
 import os
 import runpy
 import subprocess
@@ -17,15 +16,6 @@ from tests.docs.test_docs import smaller
 from texbake.jobs import orange_turns
 
 SAMPLES = Path(__file__).parents[2] / "samples"
-
-
-def run_sample(name, *arguments, folder, status=0):
-    process = subprocess.run(
-        [sys.executable, "-W", "error", str(SAMPLES / name), *map(str, arguments)], cwd=folder,
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert process.returncode == status, process.stderr
-    return process.stdout
 
 
 def test_command_line(tmp_path, monkeypatch, small_pictures):
@@ -48,19 +38,6 @@ def test_command_line(tmp_path, monkeypatch, small_pictures):
         assert image.pixels.std() > 0.01
     assert texbake.read_mesh(tmp_path / "out" / "low_uv.obj").uvs is not None
     assert {path.name for path in tmp_path.iterdir()} == {"bin", "lines", "out"}
-
-
-def test_asset_folder(tmp_path):
-    """The broken mesh fails by itself, and the exit code says that something did."""
-    run_sample("asset_folder.py", "--size", 64, folder=tmp_path, status=1)
-    folder = tmp_path / "asset_folder_sample"
-    with (folder / "assets.csv").open() as file:
-        rows = {row["asset"]: row for row in csv.DictReader(file)}
-    assert rows["orange.ply"]["result"] == rows["ball.obj"]["result"] == "good"
-    assert rows["broken.obj"]["result"].startswith("failed: ")
-    assert "not finite" in rows["broken.obj"]["result"]
-    assert (folder / "orange" / "orange_low.glb").is_file()
-    assert not (folder / "broken").exists()
 
 
 @pytest.mark.parametrize("name", sorted(p.name for p in SAMPLES.iterdir() if p.suffix == ".py"))
