@@ -6,7 +6,8 @@
 An input must be read, or refused with a TexbakeError of one line, within `SECONDS` of processor
 time and `MEMORY`. `--bytes` also reads that many bytes of mutants of each format. Prints what is
 wrong with an input, and exits with 1 if anything is. `fuzz-findings` keeps inputs that fail.
-If all formats are read, every function of the core must have been called in the end.
+Formats are read in as many processes as there are processors. If all formats are read, every
+function of the core must have been called in the end.
 """
 
 import argparse
@@ -18,6 +19,7 @@ import sys
 import tempfile
 import time
 import warnings
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from itertools import chain, count
@@ -115,6 +117,15 @@ def wrong_with_inputs(name, inputs=None, *, n_bytes=0, seed=0):
                     yield f"{name}: {copy.name}: {fault}"
 
 
+def read_format(name, options):
+    """Read a format in a process of a pool; return what is wrong, and what was never called."""
+    warnings.simplefilter("error")
+    warnings.simplefilter("ignore", ReadWarning)
+    inputs = [options.input] if options.input else None
+    found = wrong_with_inputs(name, inputs, n_bytes=int(options.bytes), seed=options.seed)
+    return list(found), unreached()
+
+
 def main():
     """Read all, or the formats that are named."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -124,17 +135,15 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--skip", action="append", default=[], help="a format to leave out")
     options = parser.parse_args()
-    warnings.simplefilter("error")
-    warnings.simplefilter("ignore", ReadWarning)
     names = [name for name in options.formats or READ if name not in options.skip]
-    n_faults = 0
-    for name in names:
-        inputs = [options.input] if options.input else None
-        for line in wrong_with_inputs(name, inputs, n_bytes=int(options.bytes), seed=options.seed):
-            print(line, flush=True)
-            n_faults += 1
+    never, n_faults = unreached(), 0
+    with ProcessPoolExecutor() as pool:
+        for lines, unread in pool.map(partial(read_format, options=options), names):
+            print(*lines, sep="\n", end="\n" * bool(lines), flush=True)
+            never &= unread
+            n_faults += len(lines)
     if not options.formats:
-        for function in sorted(unreached() - set(UNREACHED)):
+        for function in sorted(never - set(UNREACHED)):
             print(f"core: {function}: no target calls it; add one, or name it in UNREACHED")
             n_faults += 1
     print(f"{len(names)} formats read, {n_faults} at fault")
