@@ -55,8 +55,13 @@ def for_type_checkers(tree):
     }
 
 
+@cache
 def imports_of(module, *, when_run=False):
     """Full names of what a module imports; `when_run` leaves out what only type checkers see."""
+    return tuple(found_imports(module, when_run=when_run))
+
+
+def found_imports(module, *, when_run):
     tree = tree_of(module)
     skipped = for_type_checkers(tree) if when_run else set()
     is_package = modules()[module].name == "__init__.py"

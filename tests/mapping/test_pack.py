@@ -121,7 +121,7 @@ def test_the_result_is_the_same_every_time():
     charts = triangles(3, 20)
     packings = [
         pack_charts(*charts, size=(128, 128), padding=2, effort="best", threads=threads)
-        for threads in (1, 2, 3)
+        for threads in (1, 3)
     ]
     assert len({packing.uvs.tobytes() for packing in packings}) == 1
 

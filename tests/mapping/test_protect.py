@@ -28,7 +28,7 @@ def inner_seams(mesh, faces):
 
 @pytest.mark.parametrize("quality", ["fast", "good", "best"])
 def test_no_seam_cuts_protected_faces(quality):
-    mesh = icosphere(4)
+    mesh = icosphere(3)
     faces = cap(mesh)
     free, _ = unwrap_with_report(mesh, quality=quality)
     kept, report = unwrap_with_report(mesh, quality=quality, protect=faces)
