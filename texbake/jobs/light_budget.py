@@ -192,6 +192,13 @@ class Budget:
         low = self._trial(n_faces, n_low)
         if low.db >= db:
             return low
+        for (n, _), known in sorted(self._trials.items()):  # of searches that aimed lower
+            if n != n_faces or known.comparison is None:
+                continue
+            if known.db < db and known.n_bytes > n_low:
+                low, n_low = known, known.n_bytes
+            elif known.db >= db and known.n_bytes < best.n_bytes:
+                best = known
         of_shape = self._trial(n_faces, _UNLIMITED).error
         wanted = max(_AIM * (_error(db) - of_shape), _LEAST_ADDED * of_shape)
         for _ in range(_MOST_PROBES):
