@@ -10,19 +10,11 @@ from texbake import OptionError, write_mesh
 from texbake.mesh.shapes import plane
 from texbake.study.options import CASE_NAMES, KNOB_NAMES, PROGRAM_NAMES, TASK_NAMES
 
+ONCE = ["--quick", "--repeats", "1", "--seconds", "0"]
+
 
 def test_a_quick_study_of_two_knobs(tmp_path):
-    words = [
-        "--quick",
-        "--repeats",
-        "1",
-        "--seconds",
-        "0",
-        "--knob",
-        "noise",
-        "--knob",
-        "bump-gradient",
-    ]
+    words = [*ONCE, "--knob", "noise", "--knob", "bump-gradient"]
     done = CliRunner().invoke(study, [*words, "-o", tmp_path / "out"], catch_exceptions=False)
     assert done.exit_code == 0
     assert "pays up to" in done.output and "study.html" in done.output
@@ -31,7 +23,7 @@ def test_a_quick_study_of_two_knobs(tmp_path):
 
 
 def test_a_quick_bench_of_one_task(tmp_path):
-    words = ["--quick", "--task", "unwrap", "--case", "sphere", "--size", "32", "--blender", "none"]
+    words = [*ONCE, "--task", "unwrap", "--case", "sphere", "--size", "32", "--blender", "none"]
     words += [word for name in ("texbake", "xatlas", "blender") for word in ("--program", name)]
     done = CliRunner().invoke(bench, [*words, "-o", tmp_path / "out"], catch_exceptions=False)
     assert done.exit_code == 0

@@ -55,6 +55,7 @@ from texbake.texture.model_materials import without_damaged_images
 from texbake.texture.pack import resized
 from texbake.verbs.whole_jobs import lighten_file, run_files
 
+pytestmark = pytest.mark.usefixtures("small_room")
 OPTIONS = LightenOptions(n_faces=600, uvs="new", size=256, images="png", views=0)
 
 

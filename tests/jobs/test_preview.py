@@ -11,6 +11,7 @@ from texbake.mesh.shapes import cube, uv_sphere
 from texbake.texture.png_files import write_png
 from texbake.verbs.preview import preview_files
 
+pytestmark = pytest.mark.usefixtures("small_room")
 SMALL = {"width": 96, "height": 64}
 BALL = uv_sphere(24, 48)
 HALF = Mesh(

@@ -1,9 +1,9 @@
 """The whole bench, small: what it measures, and its files."""
 
-import dataclasses
 import json
 import platform
 import re
+from dataclasses import fields, replace
 
 import jsonschema
 import numpy as np
@@ -21,12 +21,12 @@ from texbake.study.bench.write import write_bench
 from texbake.study.options import TASK_NAMES, BenchOptions
 from texbake.texture.image import write_image
 
+ONCE = BenchOptions(quick=True, repeats=1, seconds=0.0, blender="none")
+
 
 @pytest.fixture(scope="module")
 def quick_bench():
-    options = BenchOptions(
-        quick=True, cases=("two-parts",), programs=("texbake", "xatlas", "blender"), blender="none"
-    )
+    options = replace(ONCE, cases=("two-parts",), programs=("texbake", "xatlas", "blender"))
     return run_bench(options=options)
 
 
@@ -87,8 +87,7 @@ def test_the_files_have_everything(quick_bench, tmp_path):
 
 
 def test_own_meshes_beside_no_made_case():
-    options = BenchOptions(quick=True, cases=(), tasks=("simplify", "bake-ao"),
-                           programs=("texbake",))  # fmt: skip
+    options = replace(ONCE, cases=(), tasks=("simplify", "bake-ao"), programs=("texbake",))
     result = run_bench(icosphere(4), uv_sphere(6, 8), options=options)
     assert [c.task.name for c in result.contests] == ["bake-ao", "simplify"]
     assert result.contests[0].truth == "converged"
@@ -116,12 +115,11 @@ def test_a_setting_that_fails_is_left_out_and_not_run_again(monkeypatch):
             return (broken if len(commands) == 1 else command), product
 
     ours = PROGRAMS["xatlas"]
-    fields = {field.name: getattr(ours, field.name) for field in dataclasses.fields(ours)}
-    monkeypatch.setitem(PROGRAMS, "xatlas", Faulty(**fields))
-    options = BenchOptions(tasks=("unwrap",), cases=("sphere",), programs=("xatlas",), repeats=1,
-                           triangles=1000, seconds=0.0)  # fmt: skip
-    small = dataclasses.replace(options, quick=True)
-    (contest,) = run_bench(options=small).contests
+    values = {field.name: getattr(ours, field.name) for field in fields(ours)}
+    monkeypatch.setitem(PROGRAMS, "xatlas", Faulty(**values))
+    options = replace(ONCE, tasks=("unwrap",), cases=("sphere",), programs=("xatlas",),
+                      triangles=1000)  # fmt: skip
+    (contest,) = run_bench(options=options).contests
     assert [item.label for item in contest.failures] == ["default"]
     assert contest.failures[0].reason == "exit code 1: no memory"
     assert [item.setting.label for item in contest.measurements] == ["brute force"]
