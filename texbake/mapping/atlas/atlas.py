@@ -41,6 +41,7 @@ from texbake.mapping.atlas.mirrored_charts import (
     half_surface,
     stacked_charts,
 )
+from texbake.mapping.atlas.neighbors import Neighbors, find_neighbors
 from texbake.mapping.atlas.packing.pack import Packing, check_tiles, pack_charts, upright_tiles
 from texbake.mapping.atlas.rectangles import MOST_L2, tube_charts, with_rectangles
 from texbake.mapping.atlas.source import ChartSource
@@ -103,14 +104,20 @@ def make_atlas(
     if options.by_group:  # fail before the work
         check_tiles(len(groups_in_use(meshes)), options.tiles, _name_of(meshes))
     # With overlap, a whole body has no other half to lie on.
-    is_free = not options.keep and options.symmetry != "overlap"
-    is_free &= all(each is None for each in (*seams, *protected))
-    if options.quality == "best" and options.charts == "texbake" and is_free:
-        all_charts = _best_charts(meshes, options, stages, importance, threads)
+    is_free = options.symmetry != "overlap" and all(each is None for each in (*seams, *protected))
+    sources = [
+        ChartSource.of_mesh(mesh, options, stages, seams=marked, protected=whole, threads=threads)
+        for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
+        if not options.keep
+    ]
+    if options.keep:
+        all_charts = [_kept_charts(mesh, options) for mesh in meshes]
+    elif options.quality == "best" and options.charts == "texbake" and is_free:
+        all_charts = _best_charts(sources, meshes, options, stages, importance, threads)
     else:
         all_charts = [
-            _charts_of(mesh, options, stages, marked, whole, threads)
-            for mesh, marked, whole in zip(meshes, seams, protected, strict=True)
+            _make_charts(source, options, whole)
+            for source, whole in zip(sources, protected, strict=True)
         ]
     if options.straighten:
         most = min(MOST_L2, options.max_stretch or MOST_L2)
@@ -119,28 +126,17 @@ def make_atlas(
                 with_rectangles(snap_points(mesh), mesh.faces, charts, most, threads=threads)
                 for mesh, charts in zip(meshes, all_charts, strict=True)
             ]
-    return _packed_charts(meshes, all_charts, options, stages, importance, threads)[0]
+    near = find_neighbors(meshes, all_charts, sources)
+    return _packed_charts(meshes, all_charts, options, stages, importance, threads, near)[0]
 
 
-def _charts_of(
-    mesh: Mesh,
-    options: UnwrapOptions,
-    stages: Stages,
-    seams: BoolArray | None,
-    protected: BoolArray | None,
-    threads: int | None,
-) -> Charts:
-    """The existing charts of a mesh, or new ones."""
-    if options.keep:
-        regions = mesh.face_groups if options.by_group else face_objects(mesh)
-        return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
-    source = ChartSource.of_mesh(
-        mesh, options, stages, seams=seams, protected=protected, threads=threads
-    )
-    return _make_charts(source, options, protected)
+def _kept_charts(mesh: Mesh, options: UnwrapOptions) -> Charts:
+    regions = mesh.face_groups if options.by_group else face_objects(mesh)
+    return existing_charts(mesh, (options.width_px, options.height_px), regions=regions)
 
 
 def _best_charts(
+    sources: Sequence[ChartSource],
     meshes: Sequence[Mesh],
     options: UnwrapOptions,
     stages: Stages,
@@ -149,7 +145,6 @@ def _best_charts(
 ) -> list[Charts]:
     """The charts of the least `layout_cost`: of `good`, of whole bodies, or larger ones."""
     good = replace(options, quality="good")
-    sources = [ChartSource.of_mesh(mesh, options, stages, threads=threads) for mesh in meshes]
     candidates: list[tuple[float, list[Charts]]] = []
 
     def consider(all_charts: list[Charts]) -> None:
@@ -191,6 +186,7 @@ def _packed_charts(
     stages: Stages,
     importance: Sequence[FloatArray | None],
     threads: int | None,
+    neighbors: Neighbors | None = None,
 ) -> tuple[list[Atlas], Packing]:
     """Pack the charts of meshes, important ones larger."""
     sides = [float((mesh.bounds[1] - mesh.bounds[0]).max()) for mesh in meshes]
@@ -219,6 +215,7 @@ def _packed_charts(
             density=options.texel_density,
             unit=unit,
             reshape=not options.keep and options.max_stretch is None,
+            neighbors=neighbors,
             threads=threads,
         )
     all_charts = with_shapes_noted(all_charts, packing.reshaped)

@@ -7,6 +7,7 @@ mirror plane are joined later, as far as stretch allows.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -214,31 +215,38 @@ def _without_small_parts(labels: IntArray, neighbors: IntArray) -> IntArray:
 
 
 def find_counterparts(
-    pieces: list[ChartPiece], surface: ChartSurface, halves: Halves
+    pieces: Sequence[ChartPiece], surface: ChartSurface, halves: Halves
 ) -> dict[int, int]:
     """Find the piece that is the mirror image of each; in the middle, the piece itself."""
+    return counterparts([piece.face_ids for piece in pieces], surface, halves)
+
+
+def counterparts(
+    faces: Sequence[IntArray], surface: ChartSurface, halves: Halves
+) -> dict[int, int]:
+    """`find_counterparts` of the faces of charts."""
     sides, owners = halves.sides, np.full(len(halves.sides), -1, dtype=np.int32)
-    for index, piece in enumerate(pieces):
-        owners[piece.face_ids] = index
+    for index, face_ids in enumerate(faces):
+        owners[face_ids] = index
     images = _images(surface, halves)
-    counterparts: dict[int, int] = {}
-    for index, piece in enumerate(pieces):
-        side = sides[piece.face_ids[0]]
+    pairs: dict[int, int] = {}
+    for index, face_ids in enumerate(faces):
+        side = sides[face_ids[0]]
         if side == 0:
-            counterparts[index] = index
+            pairs[index] = index
         elif side < 0:
-            found = images[piece.face_ids]
+            found = images[face_ids]
             found = owners[found[found >= 0]]
             found = found[found >= 0]
             if not len(found):
                 continue
             counterpart = int(np.bincount(found).argmax())
-            largest = counterparts.get(counterpart)
-            if largest is None or len(pieces[largest].face_ids) < len(piece.face_ids):
+            largest = pairs.get(counterpart)
+            if largest is None or len(faces[largest]) < len(face_ids):
                 if largest is not None:
-                    del counterparts[largest]
-                counterparts[index], counterparts[counterpart] = counterpart, index
-    return counterparts
+                    del pairs[largest]
+                pairs[index], pairs[counterpart] = counterpart, index
+    return pairs
 
 
 def _images(surface: ChartSurface, halves: Halves) -> IntArray:

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
+from texbake.mapping.atlas.neighbors import Neighbors
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import BoolArray, ByteArray, FloatArray, Int64Array, IntArray
 from texbake.mesh.topology import opposite_half_edges
@@ -143,8 +144,7 @@ class ChartRotations:
         From -0.5 up, those whose centers lie within `margin + 0.5` along both axes; one at least.
         Kernel: `core/chart_bitmaps.c`.
         """
-        boxes = np.maximum(np.ceil(self.extents * scale + 2.0 * margin), 1.0).astype(np.int64)
-        shifts = (boxes - self.extents * scale) / 2.0 - self.low * scale
+        boxes, shifts = self.frames(scale, margin)
         n_cells = boxes.prod(axis=2)
         starts = np.cumsum(n_cells.ravel()).reshape(n_cells.shape) - n_cells
         masks = np.zeros(n_cells.sum(), dtype=np.uint8)
@@ -156,6 +156,11 @@ class ChartRotations:
         empty = np.maximum.reduceat(masks, starts.ravel()) == 0
         masks[starts.ravel()[empty]] = 1
         return Bitmaps(boxes=boxes, shifts=shifts, starts=starts, masks=masks)
+
+    def frames(self, scale: float, margin: float) -> tuple[Int64Array, FloatArray]:
+        """The `boxes` and `shifts` of their bitmaps."""
+        boxes = np.maximum(np.ceil(self.extents * scale + 2.0 * margin), 1.0).astype(np.int64)
+        return boxes, (boxes - self.extents * scale) / 2.0 - self.low * scale
 
     def placed_uvs(self, bitmaps: Bitmaps, scale: float, places: IntArray) -> FloatArray:
         """(T, 2) float64: coordinates, in cells of the grid, of charts at `places` (C, 4)."""
@@ -180,6 +185,7 @@ class Outlines:
     chart_ids: IntArray
     n_charts: int
     aligned: BoolArray | None = None  # (C,); charts that are only rotated by quarter turns
+    neighbors: Neighbors | None = None
 
     def allowed(self, angles: npt.NDArray[np.floating]) -> FloatArray:
         """(C, K) `angles`, in radians, 0 for aligned charts; K = 1 if all charts are."""
@@ -195,7 +201,10 @@ class Outlines:
         lengths = self.turned(-angles[:, None]).extents[:, 0].max(axis=1)
         aligned = (shares > _LEAST_SHARE) & ((lengths <= longest) | (shares > _WHOLE))
         least = least_box_angles(self.uvs, self.chart_ids)
-        return replace(self.upright(np.where(aligned, -angles, least)), aligned=aligned)
+        turned, pairs = np.where(aligned, -angles, least), self.neighbors
+        if pairs is not None:
+            pairs, turned = pairs.mirrored(turned, aligned)
+        return replace(self.upright(turned), aligned=aligned, neighbors=pairs)
 
     @cached_property
     def areas(self) -> FloatArray:

@@ -14,15 +14,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from texbake.errors import UnwrapError, counted
+from texbake.mapping.atlas.neighbors import Neighbors
 from texbake.mapping.atlas.packing.bins import Bins, enlarge, place_at_largest_scale, place_at_scale
 from texbake.mapping.atlas.packing.bitmaps import Outlines, PackingGrid
+from texbake.mapping.atlas.packing.nearness import nearer_layout
 from texbake.mapping.atlas.packing.refine import FinalLayout, RoughLayout, refine_layout
-from texbake.mapping.atlas.packing.search import coarse_layout, squeeze_layout
+from texbake.mapping.atlas.packing.search import (
+    CoarseLayout,
+    coarse_layout,
+    squeeze_layout,
+    with_neighbors_near,
+)
 from texbake.mapping.atlas.packing.strips import with_wide_strips
 from texbake.mapping.corner_uvs import signed_areas
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
@@ -47,7 +55,10 @@ _MOST_SQUARES = 100
 
 @dataclass(frozen=True, kw_only=True)
 class _Budget:
-    """Trials of each stage of a search, of which the best go on, and steps of work for each."""
+    """Trials of each stage of a search, of which the best go on, and steps of work.
+
+    `squeeze_work` is that of all trials together.
+    """
 
     drafts: int
     squeezed: int
@@ -60,12 +71,13 @@ class _Budget:
 
 _BUDGETS = {
     "good": _Budget(
-        drafts=2, squeezed=2, settled=1,
-        draft_work=20_000_000, squeeze_work=40_000_000, refine_work=50_000_000, least_share=0.4,
+        drafts=2, squeezed=3, settled=1,
+        draft_work=20_000_000, squeeze_work=60_000_000, refine_work=50_000_000, least_share=0.4,
     ),
     "best": _Budget(
         drafts=8, squeezed=5, settled=4,
-        draft_work=150_000_000, squeeze_work=250_000_000, refine_work=200_000_000, least_share=0.2,
+        draft_work=150_000_000, squeeze_work=1_250_000_000, refine_work=200_000_000,
+        least_share=0.2,
     ),
 }  # fmt: skip
 # Steps of work per face besides, for the bitmaps of the scales that are tried.
@@ -76,6 +88,11 @@ _WHOLE_BUDGET = 1024 * 1024
 _LEAST_SHARE = 0.5  # of the budget, however few the texels
 _MANY_FACES = 4000
 _MANY_TO_ARRANGE = 15
+
+_LEAST_SCALE = 0.993  # of a squeezed layout with its neighbors near, as a share of the largest
+# Steps of work to move neighbors near each other, per chart and per face, of so many at most.
+_NEAR_WORK_A_CHART, _NEAR_WORK_A_FACE = 100_000, 250
+_MOST_NEAR_CHARTS, _MOST_NEAR_FACES = 100, 100_000
 
 _UDIM_COLUMNS = 10
 _SLIGHT = 1e-6  # an advantage that could be rounding, as a share of the whole
@@ -111,16 +128,19 @@ def pack_charts(
     density: float | None = None,
     unit: float = 1.0,
     reshape: bool = False,
+    neighbors: Neighbors | None = None,
     threads: int | None = None,
 ) -> Packing:
     """Rotate, scale and move charts so that they fill one or several textures.
 
     `uvs` (T, 2), one unit of which is `unit` model units; `chart_ids` (T,); `size`: columns and
     rows; `tiles`: textures, per group of `tile_groups` (C,); `density`: texels per model unit, None
-    for the largest; `reshape`: widen thin strips.
+    for the largest; `reshape`: widen thin strips; `neighbors`: charts to place near each other.
     """
     n_charts = int(chart_ids.max()) + 1
-    charts = Outlines(uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts)
+    charts = Outlines(
+        uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts, neighbors=neighbors
+    )
     groups = np.zeros(n_charts, dtype=np.int32) if tile_groups is None else tile_groups
     n_groups = int(groups.max()) + 1
     check_tiles(n_groups, tiles, name)
@@ -129,6 +149,8 @@ def pack_charts(
     reshaped = np.zeros(n_charts, dtype=np.bool_)
     if reshape and density is None:
         charts, reshaped = with_wide_strips(charts, size, padding, tiles * n_groups)
+        if reshaped.any() and charts.neighbors is not None:  # strips have new directions
+            charts = replace(charts, neighbors=charts.neighbors.without_pairs())
     grid = PackingGrid.over(size, padding, most_cells=_most_cells(size, n_charts))
     bins = Bins(charts, grid, groups, tiles)
     if grid.width <= 0 or grid.height <= 0:
@@ -154,6 +176,8 @@ def pack_charts(
             raise UnwrapError(_does_not_fit_at(bins, density, unit, size, padding, name))
     elif not place_at_largest_scale(bins, n_orders):
         raise UnwrapError(_does_not_fit(bins, size, padding, name))
+    if charts.neighbors is not None:
+        bins.found = nearer_layout(bins.found, bins.tiles, grid, _near_work(charts))
     return _packed(bins, size, padding, reshaped)
 
 
@@ -228,11 +252,14 @@ def _searched(
             lambda seed: coarse_layout(charts, size, padding, most_work=work, seed=seed),
             range(budget.drafts),
             threads,
-        )[: budget.squeezed]
-        work = int(budget.squeeze_work * share)
+        )
+        drafts = _with_neighbors(drafts, charts, budget.squeezed, threads)
+        work = int(budget.squeeze_work * share) // max(len(drafts), 1)
         layouts = _best(
             lambda draft: squeeze_layout(draft, most_work=work, seed=0), drafts, threads
         )
+        layouts = [each for each in layouts if each.scale >= _LEAST_SCALE * layouts[0].scale]
+        layouts.sort(key=lambda layout: -layout.value)
     elif place_at_largest_scale(bins, 0):
         layouts = [bins.found.layout(bins.grid, bins.angles)]
     else:
@@ -244,6 +271,18 @@ def _searched(
         threads,
     )
     return settled[0] if settled else None
+
+
+def _with_neighbors(
+    drafts: list[CoarseLayout], charts: Outlines, most: int, threads: int | None
+) -> list[CoarseLayout]:
+    """The best draft as it is, which may fill most, and the best with their neighbors near."""
+    if charts.neighbors is None:
+        return drafts[:most]
+    work = _near_work(charts) // 2
+    return drafts[:1] + _best(
+        lambda draft: with_neighbors_near(draft, work), drafts[: most - 1], threads
+    )
 
 
 def _best(find: Callable[[Any], Any], items: Sequence[Any], threads: int | None) -> list[Any]:
@@ -262,6 +301,12 @@ def _least_scale(charts: Outlines, size: tuple[int, int], n_tiles: int) -> float
     """Texels per unit at which charts fill the tiles as far as they should at least."""
     texels = _LEAST_FILL * size[0] * size[1] * n_tiles
     return math.sqrt(texels / (float(charts.areas.sum()) or 1.0))
+
+
+def _near_work(charts: Outlines) -> int:
+    """Steps of work to move neighbors near each other."""
+    of_charts = _NEAR_WORK_A_CHART * min(charts.n_charts, _MOST_NEAR_CHARTS)
+    return of_charts + _NEAR_WORK_A_FACE * min(len(charts.faces), _MOST_NEAR_FACES)
 
 
 def _squares(bins: Bins) -> float:

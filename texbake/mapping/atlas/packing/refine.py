@@ -15,7 +15,7 @@ from texbake.mapping.atlas.packing.bitmaps import (
     Shapes,
     shapes_of,
 )
-from texbake.mesh.mesh import FloatArray, IntArray
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.records import dataclass
 
 # Texels by which charts are enlarged: half of the 1/256 texel that rasterizers snap to, which is
@@ -27,6 +27,9 @@ _STEP, _LEAST_STEP = 0.004, 0.001  # relative steps of the scale while charts gr
 _FIRST_STEP = 0.008  # relative step of the scale while charts must shrink
 _HASTE = 5  # greatest multiple of it, as the work exceeds its limit
 _MOST_SHRINKS = 40
+
+# Shares of the scale that mirror images are worth, and seams shorter by a side of the texture.
+_MIRRORED_VALUE, _NEAR_VALUE = 0.01, 0.1
 
 _BASE_WEIGHT = 2048.0  # of an overlapping cell; weights are integer fractions of it
 
@@ -81,6 +84,15 @@ class RoughLayout:
     # borders.
     centers: FloatArray
     scale: float  # texels per unit
+    fixed: BoolArray | None = None  # (C,); charts that keep their angles
+    mirrored: float = 0.0  # share of pairs that are mirror images of each other
+    distance: float = 0.0  # mean between both sides of seams, in sides of the texture
+
+    @property
+    def value(self) -> float:
+        """The scale, and a little more for mirrored pairs and neighbors near each other."""
+        near = _MIRRORED_VALUE * self.mirrored - _NEAR_VALUE * self.distance
+        return self.scale * (1.0 + near)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,9 +129,12 @@ def refine_layout(
     best: FinalLayout | None = None
     best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
     scale = layout.scale / grid.cell
+    turns = charts.allowed(_ANGLES)
+    if layout.fixed is not None:
+        turns = np.where(layout.fixed[:, None], 0.0, turns)
     while (best is None or work < most_work) and step >= _LEAST_STEP:
         trial += 1
-        angles = layout.angles[:, None] + charts.allowed(_ANGLES)
+        angles = layout.angles[:, None] + turns
         result, overlap, steps = _moved_apart(
             charts, angles, layout.centers, areas, grid, scale, seed + trial
         )

@@ -14,11 +14,18 @@ Journal of Operational Research 258, 2017 (which changes of the order are kept).
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from texbake.core import core, portable_math as pm
 from texbake.mapping.atlas.packing.bitmaps import ChartRotations, Outlines, Shapes, shapes_of
+from texbake.mapping.atlas.packing.nearness import (
+    mirrored_pairs,
+    move_nearer,
+    pose_directions,
+    seam_distance,
+)
 from texbake.mapping.atlas.packing.refine import RoughLayout, SearchLimits, pair_weights, separate
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 from texbake.records import dataclass
@@ -40,11 +47,23 @@ class CoarseLayout:
     """Charts placed one after another on the coarse grid."""
 
     shapes: Shapes  # the charts in `_N_POSES` poses and four quarter turns
+    poses: ChartRotations
+    margin: float  # cells by which the shapes are enlarged
     angles: FloatArray  # (C, K) float64; of the poses, in radians
     places: IntArray  # (C, 3) int32; column, row and orientation
     areas: FloatArray  # (C,) float64; area of each chart in cells
     size: tuple[int, int]  # columns and rows of the grid
+    cell_scale: float  # cells per unit
     scale: float  # texels per unit
+    fixed: BoolArray | None = None  # (C,); charts that keep their orientation
+
+    @property
+    def mirrored(self) -> float:
+        """Share of pairs that are mirror images and stay so."""
+        neighbors = self.poses.charts.neighbors
+        if neighbors is None or self.fixed is None:
+            return 0.0
+        return np.count_nonzero(self.fixed) / np.count_nonzero(neighbors.partners >= 0)
 
 
 def coarse_layout(
@@ -66,26 +85,64 @@ def coarse_layout(
         return None
     return CoarseLayout(
         shapes=found.shapes,
+        poses=poses,
+        margin=strip.margin,
         angles=angles,
         places=found.places,
         areas=areas * found.scale**2,
         size=(width, height),
+        cell_scale=found.scale,
         scale=found.scale * cell,
     )
 
 
+def with_neighbors_near(draft: CoarseLayout, most_work: int) -> CoarseLayout:
+    """Move charts of a draft near their neighbors, and turn them as their mirror images lie.
+
+    Pairs that succeed keep their orientations from then on.
+    """
+    neighbors = draft.poses.charts.neighbors
+    assert neighbors is not None
+    directions = pose_directions(draft.poses)
+    places = move_nearer(
+        draft.poses, draft.shapes, draft.places, directions, size=draft.size,
+        scale=draft.cell_scale, margin=draft.margin, most_work=most_work,
+    )  # fmt: skip
+    fixed = mirrored_pairs(neighbors, directions, places[:, 2])
+    return replace(draft, places=places, fixed=fixed if fixed.any() else None)
+
+
 def squeeze_layout(draft: CoarseLayout, *, most_work: int, seed: int) -> RoughLayout:
     """Squeeze a draft into the smallest grid of about the same proportions that it fits into."""
-    weights = pair_weights(draft.areas)
-    places, across, up = _squeezed(draft.shapes, draft.places, weights, draft.size, most_work, seed)
+    weights, shapes = pair_weights(draft.areas), _with_fixed(draft)
+    places, across, up = _squeezed(shapes, draft.places, weights, draft.size, most_work, seed)
     charts = np.arange(len(places))
+    if draft.fixed is not None:
+        places[:, 2] = np.where(draft.fixed, draft.places[:, 2], places[:, 2])
     boxes = draft.shapes.boxes[charts, places[:, 2]]
+    distance = seam_distance(draft.poses, places, scale=draft.cell_scale, margin=draft.margin)
     return RoughLayout(
         angles=draft.angles[charts, places[:, 2] // _TURNS]
         + places[:, 2] % _TURNS * (math.pi / 2.0),
         centers=(places[:, :2] + boxes / 2.0) / [across, up],
         scale=draft.scale * min(draft.size[0] / across, draft.size[1] / up),
+        fixed=draft.fixed,
+        mirrored=draft.mirrored,
+        distance=distance / max(across, up),
     )
+
+
+def _with_fixed(draft: CoarseLayout) -> Shapes:
+    """The shapes, of fixed charts in the orientation that they have and no other."""
+    shapes = draft.shapes
+    if draft.fixed is None:
+        return shapes
+    ids, kept = np.flatnonzero(draft.fixed), draft.places[draft.fixed, 2]
+    boxes, starts = shapes.boxes.copy(), shapes.starts.copy()
+    reach_starts = shapes.reach_starts.copy()
+    for each in (boxes, starts, reach_starts):
+        each[ids] = each[ids, kept][:, None]
+    return shapes._replace(boxes=boxes, starts=starts, reach_starts=reach_starts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
