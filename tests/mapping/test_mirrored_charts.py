@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from tests.mesh.test_symmetry import shape, turned
+from tests.models import bracket
 from texbake.errors import OptionError
 from texbake.mapping.atlas.cutting.cut import surface_of
 from texbake.mapping.atlas.halves import find_halves
@@ -45,7 +46,9 @@ def mirrored_share(mesh, within):
 @pytest.mark.parametrize(
     ("mesh", "quality", "within"),
     [
+        (symmetric(), "fast", 0.05),
         (symmetric(), "good", 0.05),
+        (shape(noise=0.003), "fast", 0.15),
         (shape(noise=0.003), "good", 0.15),
         (shape(noise=0.003), "best", 0.15),
     ],
@@ -106,9 +109,13 @@ def test_overlap_of_other_meshes_is_noted():
     assert "one by one" in report.notes[-1]
 
 
-def test_other_meshes_are_cut_as_without_symmetry():
-    mesh = shape(bump=0.9)
-    found, plain = (unwrap(mesh, symmetry=symmetry, size=256) for symmetry in ("auto", "off"))
+@pytest.mark.parametrize(
+    ("mesh", "quality"), [(shape(bump=0.9), "good"), (shape(bump=0.9), "fast"), (bracket(), "fast")]
+)
+def test_other_meshes_are_cut_as_without_symmetry(mesh, quality):
+    found, plain = (
+        unwrap(mesh, quality=quality, symmetry=symmetry, size=256) for symmetry in ("auto", "off")
+    )
     np.testing.assert_array_equal(found.uvs, plain.uvs)
 
 

@@ -27,6 +27,8 @@ MIRROR_TOLERANCE = 0.012
 _ACROSS_TOLERANCE = 0.05
 _SHARE = 0.95
 
+# Points whose images are looked for first: half of them must be within the tolerance.
+_FIRST_LOOK = 75
 # Points, steps of closest points, and the error, in tolerances, above which a plane is dropped.
 _ROUNDS = ((150, 4, 5.0), (150, 4, 2.5), (1500, 6, 1.0))
 _MOST_PLANES = 3  # that go on to the next round: a sphere has any number of them
@@ -71,6 +73,8 @@ def find_mirror_plane(
         MirrorPlane(normal, float(pm.vecdot(normal, center)), np.inf)
         for normal in _directions(samples - center)
     ]
+    few = samples[:: len(samples) // _FIRST_LOOK]
+    planes = [plane for plane in planes if _is_likely(plane, tree, few, diagonal)]
     for n_samples, n_steps, most in _ROUNDS:
         few = samples[:: len(samples) // n_samples]
         refined = [_refined(plane, tree, few, n_steps, diagonal) for plane in planes]
@@ -98,6 +102,15 @@ def _directions(about: FloatArray) -> list[FloatArray]:
         if all(abs(float(pm.vecdot(axis, other))) < 1.0 - 1e-4 for other in kept):
             kept.append(np.asarray(axis))
     return kept
+
+
+def _is_likely(
+    plane: MirrorPlane, tree: TriangleTree, samples: FloatArray, diagonal: float
+) -> bool:
+    """Whether the mirror images of half of the samples lie close to the surface."""
+    most = MIRROR_TOLERANCE * diagonal
+    distances, _, _ = tree.closest_points(plane.mirrored(samples), max_distance=most, threads=1)
+    return bool(2 * np.count_nonzero(distances <= most) >= len(samples))
 
 
 def _refined(

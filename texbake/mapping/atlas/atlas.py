@@ -26,9 +26,8 @@ from texbake.mapping.atlas.charts import (
     with_shapes_noted,
 )
 from texbake.mapping.atlas.choice import layout_cost, whole_bodies
-from texbake.mapping.atlas.cutting.cut import cut_charts, snap_points
+from texbake.mapping.atlas.cutting.cut import cut_charts, may_stay_whole, snap_points
 from texbake.mapping.atlas.cutting.marked import marked_charts
-from texbake.mapping.atlas.cutting.parts import all_have_boundaries
 from texbake.mapping.atlas.flatten import chart_stretch, relax_charts
 from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.bound import bound_charts
@@ -55,8 +54,8 @@ from texbake.mesh.topology import face_components
 from texbake.progress import Stages
 from texbake.records import dataclass
 
-# Most L2 stretch of a mesh after charts are joined. With `good`, the part above 1 also grows by no
-# more than a factor of `_GOOD_ROOM`, or to `_GOOD_LEAST`, which nobody sees.
+# Most L2 stretch of a mesh after charts are joined, in `fast` as in `good`. With `good`, the part
+# above 1 also grows by at most a factor of `_GOOD_ROOM`, or to `_GOOD_LEAST`, which nobody sees.
 _GOOD_LEAST, _GOOD_STRETCH = 1.01, 1.03
 _GOOD_ROOM, _HALVES_ROOM = 1.5, 2.5  # charts of halves are smaller before they are joined
 _BEST_STRETCH = 1.09
@@ -64,7 +63,7 @@ _BEST_STRETCH = 1.09
 # one would set the scale of all: charts that fill three quarters of a square have one as long.
 _JOINED_SIDES = 1.15
 # Limit of the work of joining, which only large noisy scans and meshes of hundreds of charts reach.
-_JOIN_WORK = {"good": 300, "best": 1000}
+_JOIN_WORK = {"fast": 100, "good": 300, "best": 1000}
 # By default, `good` joins charts whose seams are not hidden if hidden ones would be longer by this.
 _HIDDEN_LENGTH = 1.05
 # If whole bodies cost less than this share of the cost of `good`, nothing else is tried.
@@ -279,24 +278,24 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
         return _bounded(source, between, options)
     overlaps = source.symmetry == "overlap"
     why, halves = "it has no mirror plane", None
-    # Mirrored charts would make `fast` three times slower.
-    if (overlaps or options.quality != "fast") and options.charts == "texbake":
+    is_fast = options.quality == "fast"
+    # Creases, along which `fast` cuts what has flat sides, are symmetric without being mirrored.
+    if options.charts == "texbake" and (overlaps or not (is_fast and source.is_flat_sided)):
         halves = source.halves
-    if halves is not None:
-        if overlaps and halves.twins is not None:
+    if halves is not None and overlaps:
+        if halves.twins is not None:
             return _stacked_charts(source, halves, options)
         why = "its faces do not mirror each other one by one"
-    if options.quality == "fast":
-        halves = None
+        halves = None if is_fast else halves
     charts: Charts | None = None
-    if halves is not None and all_have_boundaries(surface.joints[2]):
+    if halves is not None and may_stay_whole(surface, options.quality):
         charts = _cut(source, source.weights, options)
         # Where no chart meets another, there is no border that a mirror image could differ from.
         if charts.n_charts == face_components(surface.corners, len(surface.points))[1]:
             halves = None
     if charts is None or halves is not None:
         charts = _cut_either_way(source, options, halves)
-    if options.quality != "fast":
+    if halves is not None or not is_fast:
         charts = _improved(source, charts, options, halves)
     elif options.charts == "texbake":
         with source.stages.stage("straighten borders"):
@@ -361,7 +360,10 @@ def _bounded(source: ChartSource, charts: Charts, options: UnwrapOptions) -> Cha
 def _improved(
     source: ChartSource, charts: Charts, options: UnwrapOptions, halves: Halves | None = None
 ) -> Charts:
-    """Relax or mirror charts, join them as far as stretch allows, and straighten their borders."""
+    """Relax or mirror charts, join them as far as stretch allows, and straighten their borders.
+
+    Of `fast`, these are mirrored charts, which are only joined with their mirror images.
+    """
     mesh, surface, stages, weights = source.mesh, source.surface, source.stages, source.weights
     if halves is None:
         as_cut = chart_stretch(surface.points, mesh, charts)
@@ -371,10 +373,10 @@ def _improved(
         with stages.stage("mirror charts"):
             charts = half_charts(mesh, surface, halves, charts, weights, options.quality)
         as_cut = chart_stretch(surface.points, mesh, charts)
-    allowed = _BEST_STRETCH
+    allowed = _BEST_STRETCH if options.quality == "best" else _GOOD_STRETCH
     if options.quality == "good":
         room = _GOOD_ROOM if halves is None else _HALVES_ROOM
-        allowed = min(max(1.0 + room * (as_cut - 1.0), _GOOD_LEAST), _GOOD_STRETCH)
+        allowed = min(max(1.0 + room * (as_cut - 1.0), _GOOD_LEAST), allowed)
     pairs = None if halves is None else partial(find_counterparts, surface=surface, halves=halves)
     with stages.stage("join charts"):
         charts = join_charts(
@@ -386,6 +388,7 @@ def _improved(
             most_length=_JOINED_SIDES / math.sqrt(options.tiles),
             most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
             find_counterparts=pairs,
+            only_pairs=options.quality == "fast",
         )
     if options.charts != "texbake":
         return charts

@@ -46,23 +46,34 @@ class Halves:
     # (F, 3) int64; the corner, 3 f + c, whose mirror image each corner is; -1 where there is none.
     # None if the faces do not mirror each other one by one.
     twins: Int64Array | None
+    # Whether straight borders and speed count more than exact mirror images.
+    is_loose: bool = False
 
 
-def halves_of(surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False) -> Halves:
-    """Find the halves; `apart`: every polygon that is its own mirror image is in the middle."""
+def halves_of(
+    surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False, one_by_one: bool = True
+) -> Halves:
+    """Find the halves; `apart`: every polygon that is its own mirror image is in the middle.
+
+    `one_by_one`: look for faces that mirror each other; otherwise, nothing is in the middle.
+    """
     points, faces = surface.points, surface.faces
     polygons = np.arange(len(faces), dtype=np.int32)
     if surface.polygons is not None:
         polygons = np.unique(surface.polygons, return_inverse=True)[1].astype(np.int32)
-    plane, twins = _twin_corners(points, faces, polygons, plane, surface.threads)
+    twins: Int64Array | None = None
+    if one_by_one:
+        plane, twins = _twin_corners(points, faces, polygons, plane, surface.threads)
     least = _LEAST_MATCHED if apart else _WELL_MATCHED
     if twins is not None and np.count_nonzero(twins[:, 0] >= 0) < least * len(faces):
         twins = None
     sides = _sides(points, faces, polygons, plane)
+    if not one_by_one:
+        sides[sides == 0] = 1
     if twins is None:
         if surface.polygons is None:  # otherwise, they bound the sides by rows of edges
             sides = _straight_sides(surface, plane, sides)
-        return Halves(plane, sides, None)
+        return Halves(plane, sides, None, is_loose=not one_by_one)
     matched = (twins >= 0).all(axis=1)
     own = matched & (polygons[twins[:, 0] // 3] == polygons)
     if apart:
@@ -79,12 +90,14 @@ def halves_of(surface: ChartSurface, plane: MirrorPlane, *, apart: bool = False)
     return Halves(plane, sides, twins)
 
 
-def find_halves(surface: ChartSurface, *, apart: bool = False) -> Halves | None:
+def find_halves(
+    surface: ChartSurface, *, apart: bool = False, one_by_one: bool = True
+) -> Halves | None:
     """Find the mirror plane of a surface, and its halves; None if it is not symmetric."""
     plane = find_mirror_plane(surface.points, surface.faces, threads=surface.threads)
     if plane is None:
         return None
-    halves = halves_of(surface, plane, apart=apart)
+    halves = halves_of(surface, plane, apart=apart, one_by_one=one_by_one)
     return halves if (halves.sides > 0).any() and (halves.sides < 0).any() else None
 
 
@@ -221,7 +234,8 @@ def image_costs(
     mirrored = halves.plane.mirrored(surface.points[others])
     distances = np.full(len(surface.points), np.inf)
     distances[others] = tree.closest_points(mirrored, threads=surface.threads)[0]
-    return np.asarray(_nearness(surface, distances).clip(LEAST_NEAR, MOST_NEAR))
+    costs = np.asarray(_nearness(surface, distances).clip(LEAST_NEAR, MOST_NEAR))
+    return np.sqrt(np.sqrt(costs)) if halves.is_loose else costs
 
 
 def plane_costs(surface: ChartSurface, plane: MirrorPlane) -> FloatArray:

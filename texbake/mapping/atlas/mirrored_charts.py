@@ -54,20 +54,20 @@ def half_charts(
     weights: FloatArray,
     quality: str,
 ) -> Charts:
-    """Symmetric charts of a mesh: `charts` of `half_faces`, cut until compact, and their images.
+    """Symmetric charts of a mesh: `charts` of `half_faces` and their images.
 
-    `weights` (F, 3): costs of edges by `edge_weights`.
+    All are cut until compact and relaxed, but for those of `fast`. `weights` (F, 3): costs of edges
+    by `edge_weights`.
     """
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     half = half_surface(surface, halves)
-    charts = compact_charts(half, relax_charts(half, charts))
-    charts = straighten_charts(half, charts, weights[ids])
+    if quality != "fast":
+        charts = compact_charts(half, relax_charts(half, charts))
+        charts = straighten_charts(half, charts, weights[ids])
     if halves.twins is not None:
         mirrored = _mirrored(surface, halves, charts, ids, others)
     else:
         mirrored = _transferred(mesh, surface, halves, charts, others, weights, quality)
-        if mirrored is not None:
-            mirrored = relax_charts(surface.part(others), mirrored)
     pieces = [(ids, charts)] if mirrored is None else [(ids, charts), (others, mirrored)]
     return gather_charts(mesh.faces, pieces)
 
@@ -127,8 +127,11 @@ def _transferred(
     part = replace(part, regions=np.unique(keys, return_inverse=True)[1].astype(np.int32))
     area = float(surface_areas(surface.points[surface.faces]).sum())
     with suppress(UnwrapError):  # none of the faces has an area
+        if quality == "fast":  # charts of `best` are larger, so that each is hardly cut again
+            weights = weights[others]
+            return cut_charts(mesh_of(mesh, part), part, weights=weights, quality="best", area=area)
         charts = cut_charts(mesh_of(mesh, part), part, quality=quality, area=area)
-        return join_charts(part, charts, most_l2=_PART_L2, most_share=1.0)
+        return relax_charts(part, join_charts(part, charts, most_l2=_PART_L2, most_share=1.0))
     return None
 
 

@@ -20,6 +20,9 @@ from texbake.mesh.objects import face_objects
 from texbake.progress import Stages
 from texbake.records import dataclass
 
+# Share of the area in planes from which a surface counts as a mechanical part; these have 0.6 to 1,
+# scans and sculptures less than 0.1.
+_FLAT_SIDED = 0.4
 _HIDE = 0.5  # weight of hiding seams, if the user states none
 
 
@@ -133,10 +136,18 @@ class ChartSource:
         with self.stages.stage("weigh edges"):
             return edge_weights(self.surface).weights
 
+    @property
+    def is_flat_sided(self) -> bool:
+        """Whether much of the area lies in wide planes and their margins."""
+        areas = surface_areas(self.surface.points[self.surface.faces])
+        in_planes = float(areas[self.surface.bevels.owners >= 0].sum())
+        return in_planes > _FLAT_SIDED * float(areas.sum())
+
     @cached_property
     def halves(self) -> Halves | None:
         """The halves about the mirror plane; None if there is none, or it is not asked for."""
         if self.symmetry == "off":
             return None
         with self.stages.stage("find mirror plane"):
-            return find_halves(self.surface, apart=self.symmetry == "overlap")
+            overlaps = self.symmetry == "overlap"
+            return find_halves(self.surface, apart=overlaps, one_by_one=overlaps or self.joined)

@@ -94,6 +94,15 @@ def surface_of(
     )
 
 
+def may_stay_whole(surface: ChartSurface, quality: str) -> bool:
+    """Whether each connected part may become one chart: it has a boundary, and not many faces."""
+    opposite = surface.joints[2]
+    parts = connected_parts(opposite)
+    at_boundary = (opposite.reshape(-1, 3) < 0).any(axis=1)
+    is_small = np.bincount(parts).max() <= _QUALITIES[quality].whole_faces
+    return bool(is_small and len(np.unique(parts[at_boundary])) == len(np.unique(parts)))
+
+
 def cut_charts(
     mesh: Mesh,
     surface: ChartSurface,
@@ -179,17 +188,19 @@ def _labels(
     surface: ChartSurface, opposite: IntArray, quality: _Quality, weights: FloatArray
 ) -> IntArray:
     """(F,) int32: the part or batch in which each face is cut."""
-    labels = divide_parts(
-        surface.points,
-        surface.corners,
-        opposite,
-        connected_parts(opposite),
-        part_faces=quality.part_faces,
-        whole_faces=quality.whole_faces,
-        polygons=surface.polygons,
-        planes=surface.bevels.owners,
-        weights=weights,
-    )
+    labels = connected_parts(opposite)
+    if np.bincount(labels).max() > quality.whole_faces:
+        labels = divide_parts(
+            surface.points,
+            surface.corners,
+            opposite,
+            labels,
+            part_faces=quality.part_faces,
+            whole_faces=quality.whole_faces,
+            polygons=surface.polygons,
+            planes=surface.bevels.owners,
+            weights=weights,
+        )
     sizes = np.bincount(labels)
     small = sizes < _BATCH_FACES
     numbers = np.where(small, 0, np.arange(len(sizes)))

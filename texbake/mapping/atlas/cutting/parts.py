@@ -139,13 +139,6 @@ def connected_parts(opposite: IntArray) -> IntArray:
     return merged_labels(len(opposite) // 3, half_edges // 3, opposite[half_edges] // 3)
 
 
-def all_have_boundaries(opposite: IntArray) -> bool:
-    """Whether each connected part has a boundary: no closed part is one chart."""
-    parts = connected_parts(opposite)
-    at_boundary = (opposite.reshape(-1, 3) < 0).any(axis=1)
-    return len(np.unique(parts[at_boundary])) == len(np.unique(parts))
-
-
 def face_batches(
     points: FloatArray, corners: IntArray, part: Part, *, part_faces: int, regions: IntArray
 ) -> list[IntArray]:

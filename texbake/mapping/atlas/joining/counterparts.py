@@ -46,6 +46,11 @@ class JoinPlan:
         return tuple(index for group in self.groups for index in group)
 
     @property
+    def is_pair(self) -> bool:
+        """Whether a piece joins its mirror image."""
+        return self.counterpart == "self" and len(self.members) == 2
+
+    @property
     def key(self) -> PlanKey:
         """Equal for plans that join the same pieces."""
         return tuple(sorted(tuple(sorted(group)) for group in self.groups))

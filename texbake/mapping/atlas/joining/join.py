@@ -64,12 +64,13 @@ def join_charts(
     most_length: float = math.inf,
     most_work: int = 300,
     find_counterparts: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
+    only_pairs: bool = False,
 ) -> Charts:
     """Join neighboring charts, cheapest first, up to a share of the area of the mesh.
 
     `weights`: (F, 3) costs of seams by `edge_weights`: the costliest seams are removed first.
     `find_counterparts`: returns the index of the mirror image of each piece; joined charts stay
-    mirror images of each other.
+    mirror images of each other. `only_pairs`: a piece joins its mirror image or nothing.
     """
     weights = np.ones((len(surface.faces), 3)) if weights is None else weights
     solid = charts.solid
@@ -91,7 +92,9 @@ def join_charts(
         strip_length=STRIP_SIDES * math.sqrt(area),
     )
     counterparts = None if find_counterparts is None else find_counterparts(pieces)
-    joining = _Joining(pieces, opposite, weights.ravel(), allowed, counterparts, surface.threads)
+    joining = _Joining(
+        pieces, opposite, weights.ravel(), allowed, counterparts, only_pairs, surface.threads
+    )
     joining.run(max(most_work * int(solid.sum()), _LEAST_WORK))
     return charts_of(list(joining.pieces.values()), charts)
 
@@ -146,10 +149,11 @@ class _Joining:
         weights: FloatArray,
         allowed: MergeTolerance,
         counterparts: dict[int, int] | None,
+        only_pairs: bool,
         threads: int | None,
     ) -> None:
         self.pieces = dict(enumerate(pieces))
-        self._counterparts = counterparts
+        self._counterparts, self._only_pairs = counterparts, only_pairs
         self._opposite, self._weights = opposite, weights
         self._threads = threads
         self._owners = np.full(len(opposite) // 3, -1, dtype=np.int32)
@@ -170,7 +174,8 @@ class _Joining:
         for index in self.pieces:
             for other in self._neighbors(index):
                 candidate = self._candidate(index, other)
-                candidates.setdefault(candidate.plan.key, candidate)
+                if candidate.plan.is_pair or not self._only_pairs:
+                    candidates.setdefault(candidate.plan.key, candidate)
         self._look_at(list(candidates.values()), _ROUGH)
         while self._queue and self._work < most_work:
             joined = False
@@ -297,6 +302,8 @@ class _Joining:
             self._owners[piece.face_ids] = index
             self._costs[index] = {}
         self._pair(plan, indices)
+        if self._only_pairs:
+            return
         new: dict[PlanKey, _Candidate] = {}
         for index in indices:
             for neighbor in self._neighbors(index):
