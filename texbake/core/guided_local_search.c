@@ -29,22 +29,6 @@ static const int64_t MOST_WEIGHT = 1 << 14;
 static const int64_t ALL_OVER = 6; /* one in this many moves samples the whole grid */
 static const int64_t NONE_YET = (int64_t)1 << 60;
 
-/* The cells of charts in some orientations, as in `Shapes`; the arrays after `spans` and `reach`
-   hold a pair for each chart and orientation. */
-struct shapes {
-    int64_t n_charts, n_orientations;
-    const int32_t (*boxes)[2];
-    const struct span *spans;
-    const int64_t (*starts)[2];
-    const struct span *reach;
-    const int64_t (*reach_starts)[2];
-    int64_t margin;
-};
-
-struct place {
-    int32_t x, y, orientation;
-};
-
 struct window {
     int64_t left, bottom, right, top;
 };
@@ -58,11 +42,6 @@ struct row_sums {
 struct search {
     int64_t n_samples, radius, step, patience, work;
 };
-
-static int64_t index_of(const struct shapes *shapes, int64_t chart, int64_t orientation)
-{
-    return chart * shapes->n_orientations + orientation;
-}
 
 /* Whether a window may come within the margin of a chart. */
 static bool is_near(

@@ -24,21 +24,6 @@ enum { SAMPLES = 16 };  /* exchanges of two charts of which the one that gains m
 enum { HALF_TURN = 16 }; /* of directions */
 enum { STEPS_OF_A_TRIAL = 500 }; /* fixed cost */
 
-struct place {
-    int32_t x, y, orientation;
-};
-
-/* Charts in all orientations, as in `Shapes`. */
-struct charts {
-    int64_t n_charts, n_orientations;
-    const int32_t (*boxes)[2];
-    const struct span *spans;
-    const int64_t (*starts)[2];
-    const struct span *reach;
-    const int64_t (*reach_starts)[2];
-    int64_t margin;
-};
-
 /* What a layout costs. `sides` holds the middle of both sides of each seam in all orientations, in
    cells of the chart's box, and `by_chart` the seams of each chart, from `starts` on. The directions
    of a chart and of its partner add up to half turns if they are mirror images. */
@@ -62,7 +47,7 @@ struct bits {
 
 /* A layout while it changes; charts that are `out` are not in it. */
 struct layout {
-    const struct charts *charts;
+    const struct shapes *charts;
     const struct costs *costs;
     struct bits cells;
     struct place *places;
@@ -70,17 +55,9 @@ struct layout {
     int64_t steps;
 };
 
-static struct turned_chart turned(const struct charts *charts, int64_t chart, int64_t orientation)
+static int64_t box_area(const struct shapes *charts, int64_t chart)
 {
-    const int64_t at = chart * charts->n_orientations + orientation;
-    const int64_t *range = charts->starts[at];
-    return (struct turned_chart){charts->boxes[at][0], charts->boxes[at][1], range[1] - range[0],
-        charts->spans + range[0]};
-}
-
-static int64_t box_area(const struct charts *charts, int64_t chart)
-{
-    const int32_t *box = charts->boxes[chart * charts->n_orientations];
+    const int32_t *box = charts->boxes[index_of(charts, chart, 0)];
     return (int64_t)box[0] * box[1];
 }
 
@@ -160,24 +137,15 @@ static uint64_t bits_within(int64_t word, int64_t begin, int64_t end)
     return bits;
 }
 
-/* The first marked cell of a row from `begin` to `end`, or -1. */
-static int64_t first_marked(const uint64_t *row, int64_t begin, int64_t end)
+/* The first marked cell of a row from `begin` to `end`, or the last; -1 if there is none. */
+static int64_t find_marked(const uint64_t *row, int64_t begin, int64_t end, bool is_last)
 {
-    for (int64_t word = begin >> 6; word <= (end - 1) >> 6; word++) {
+    const int64_t first = begin >> 6, last = (end - 1) >> 6;
+    for (int64_t i = 0; i <= last - first; i++) {
+        const int64_t word = is_last ? last - i : first + i;
         const uint64_t bits = row[word] & bits_within(word, begin, end);
         if (bits)
-            return 64 * word + __builtin_ctzll(bits);
-    }
-    return -1;
-}
-
-/* The last marked cell of a row from `begin` to `end`, or -1. */
-static int64_t last_marked(const uint64_t *row, int64_t begin, int64_t end)
-{
-    for (int64_t word = (end - 1) >> 6; word >= begin >> 6; word--) {
-        const uint64_t bits = row[word] & bits_within(word, begin, end);
-        if (bits)
-            return 64 * word + 63 - __builtin_clzll(bits);
+            return 64 * word + (is_last ? 63 - __builtin_clzll(bits) : __builtin_ctzll(bits));
     }
     return -1;
 }
@@ -192,8 +160,7 @@ static int64_t free_column(
         ++*steps;
         const struct span span = chart->spans[*probe];
         const uint64_t *row = cells->words + (y + span.row) * cells->n_words;
-        const int64_t at = is_right ? last_marked(row, x + span.begin, x + span.end)
-                                    : first_marked(row, x + span.begin, x + span.end);
+        const int64_t at = find_marked(row, x + span.begin, x + span.end, is_right);
         if (at >= 0) {
             x = is_right ? at + 1 - span.begin : at - span.end;
             passed = 0;
@@ -278,9 +245,9 @@ static double find_place(
 /* Block the cells in reach of a chart, in some rows. */
 static void block(struct layout *layout, int64_t chart, int64_t first, int64_t last)
 {
-    const struct charts *charts = layout->charts;
+    const struct shapes *charts = layout->charts;
     const struct place place = layout->places[chart];
-    const int64_t *range = charts->reach_starts[chart * charts->n_orientations + place.orientation];
+    const int64_t *range = charts->reach_starts[index_of(charts, chart, place.orientation)];
     layout->steps += range[1] - range[0];
     for (int64_t i = range[0]; i < range[1]; i++) {
         const struct span span = charts->reach[i];
@@ -298,9 +265,9 @@ static void block(struct layout *layout, int64_t chart, int64_t first, int64_t l
 /* Mark the cells near the rows of a chart at a place again, without charts that are out. */
 static void renew_rows(struct layout *layout, int64_t chart, struct place at)
 {
-    const struct charts *charts = layout->charts;
+    const struct shapes *charts = layout->charts;
     const struct bits *cells = &layout->cells;
-    const int64_t height = charts->boxes[chart * charts->n_orientations + at.orientation][1];
+    const int64_t height = charts->boxes[index_of(charts, chart, at.orientation)][1];
     const int64_t first = max_i64(at.y - charts->margin, 0);
     const int64_t last = min_i64(at.y + height + charts->margin, cells->n_rows);
     const size_t n_bytes = (size_t)((last - first) * cells->n_words) * sizeof *cells->words;
@@ -308,7 +275,7 @@ static void renew_rows(struct layout *layout, int64_t chart, struct place at)
     layout->steps += (last - first) * cells->n_words / 4 + charts->n_charts;
     for (int64_t other = 0; other < charts->n_charts; other++) {
         const struct place place = layout->places[other];
-        const int32_t *box = charts->boxes[other * charts->n_orientations + place.orientation];
+        const int32_t *box = charts->boxes[index_of(charts, other, place.orientation)];
         if (!layout->out[other] && place.y - charts->margin < last
             && place.y + box[1] + charts->margin > first)
             block(layout, other, first, last);
@@ -320,9 +287,9 @@ static double gain_of_exchange(struct layout *layout, int64_t one, int64_t two)
 {
     struct place *places = layout->places;
     const struct place before[2] = {places[one], places[two]};
-    const struct charts *charts = layout->charts;
-    const int32_t *a = charts->boxes[one * charts->n_orientations + before[0].orientation];
-    const int32_t *b = charts->boxes[two * charts->n_orientations + before[1].orientation];
+    const struct shapes *charts = layout->charts;
+    const int32_t *a = charts->boxes[index_of(charts, one, before[0].orientation)];
+    const int32_t *b = charts->boxes[index_of(charts, two, before[1].orientation)];
     const double cost = cost_of(layout, one, before[0]) + cost_of(layout, two, before[1]);
     places[one].x = before[1].x + (b[0] - a[0]) / 2;
     places[one].y = before[1].y + (b[1] - a[1]) / 2;
@@ -338,7 +305,7 @@ static double gain_of_exchange(struct layout *layout, int64_t one, int64_t two)
    places, or one of both, or these and any others. Writes them, the largest first; returns how many. */
 static int64_t choose(struct layout *layout, uint64_t *state, int64_t chosen[MOST_OUT])
 {
-    const struct charts *charts = layout->charts;
+    const struct shapes *charts = layout->charts;
     const int64_t n_charts = charts->n_charts;
     const int64_t most = min_i64(1 + next_random(state) % MOST_OUT, n_charts);
     int64_t pair[2] = {next_random(state) % n_charts, next_random(state) % n_charts};
@@ -428,7 +395,7 @@ EXPORT int64_t move_nearer(
     int64_t n_columns, int64_t most_work, int32_t places[n_charts][3])
 {
     OPEN_ARENA(arena);
-    const struct charts charts = {n_charts, n_orientations, boxes[0], (const struct span *)spans,
+    const struct shapes charts = {n_charts, n_orientations, boxes[0], (const struct span *)spans,
         starts[0], (const struct span *)reach, reach_starts[0], margin};
     const struct costs costs = {n_orientations, owners, sides[0][0], weights, seam_starts, by_chart,
         partners, directions[0], penalty};

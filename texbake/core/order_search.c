@@ -19,18 +19,10 @@
 enum { HISTORY = 20 };         /* changes after which a score is compared again */
 enum { STEPS_OF_A_SEARCH = 40 }; /* fixed cost of a search for one chart in one orientation */
 
-struct place {
-    int32_t x, y, orientation;
-};
-
-/* Charts in all orientations, as in `Shapes`; the shares of their areas decide between two equally
-   high layouts: the one with less area near the top is better, because it is likelier to become
-   lower. */
+/* The shares of the areas of charts decide between two equally high layouts: the one with less area
+   near the top is better, because it is likelier to become lower. */
 struct charts {
-    int64_t n_charts, n_orientations;
-    const int32_t (*boxes)[2];
-    const struct span *spans;
-    const int64_t (*starts)[2];
+    struct shapes shapes;
     const double *shares;
 };
 
@@ -42,19 +34,10 @@ struct layout {
     double score;
 };
 
-static struct turned_chart
-turned(const struct charts *charts, int64_t chart, int64_t orientation)
-{
-    const int64_t at = chart * charts->n_orientations + orientation;
-    const int64_t *range = charts->starts[at];
-    return (struct turned_chart){charts->boxes[at][0], charts->boxes[at][1], range[1] - range[0],
-        charts->spans + range[0]};
-}
-
 /* Find the orientation and place of a chart with the lowest top; `guess` is tried first, since a low
    top leaves less to search. Returns the top, or -1 if there is no place. */
 static int64_t find_place(
-    const struct charts *charts, int64_t chart, const struct free_cells *cells, int32_t guess,
+    const struct shapes *charts, int64_t chart, const struct free_cells *cells, int32_t guess,
     struct place *place, int64_t *work)
 {
     int64_t least = cells->n_rows + 1;
@@ -89,13 +72,13 @@ static void place_from(
     layout->top = 0;
     layout->score = INFINITY;
     double sum = 0.0;
-    for (int64_t i = 0; i < charts->n_charts; i++) {
+    for (int64_t i = 0; i < charts->shapes.n_charts; i++) {
         const int32_t chart = layout->order[i];
         struct place *place = &layout->places[chart];
         if (i >= first
-            && find_place(charts, chart, cells, place->orientation, place, work) < 0)
+            && find_place(&charts->shapes, chart, cells, place->orientation, place, work) < 0)
             return;
-        const struct turned_chart shape = turned(charts, chart, place->orientation);
+        const struct turned_chart shape = turned(&charts->shapes, chart, place->orientation);
         *work += block_chart(cells, &shape, place->x, place->y, 1, ALONE) / 4;
         const int64_t top = place->y + shape.height;
         layout->top = max_i64(layout->top, top);
@@ -145,8 +128,8 @@ EXPORT int64_t search_orders(
     int32_t order[n_charts], int32_t places[n_charts][3], int64_t work[1])
 {
     OPEN_ARENA(arena);
-    const struct charts charts = {
-        n_charts, n_orientations, boxes[0], (const struct span *)spans, starts[0], shares};
+    const struct charts charts = {{n_charts, n_orientations, boxes[0], (const struct span *)spans,
+        starts[0], NULL, NULL, 0}, shares};
     struct free_cells cells = take_cells(arena, n_rows, n_columns);
     struct layout now = {order, (struct place *)places, 0, 0.0};
     struct layout next = {

@@ -85,3 +85,35 @@ struct spot lowest_place(
 int64_t block_chart(
     const struct free_cells *cells, const struct turned_chart *chart, int64_t x, int64_t y,
     int64_t n_widths, const int32_t *half_widths);
+
+/* guided_local_search.c, near_places.c and order_search.c */
+
+/* The cells of charts in some orientations, as in `Shapes`; the arrays after `spans` and `reach`
+   hold a pair for each chart and orientation. */
+struct shapes {
+    int64_t n_charts, n_orientations;
+    const int32_t (*boxes)[2];
+    const struct span *spans;
+    const int64_t (*starts)[2];
+    const struct span *reach;
+    const int64_t (*reach_starts)[2];
+    int64_t margin;
+};
+
+struct place {
+    int32_t x, y, orientation;
+};
+
+static inline int64_t index_of(const struct shapes *shapes, int64_t chart, int64_t orientation)
+{
+    return chart * shapes->n_orientations + orientation;
+}
+
+static inline struct turned_chart
+turned(const struct shapes *shapes, int64_t chart, int64_t orientation)
+{
+    const int64_t at = index_of(shapes, chart, orientation);
+    const int64_t *range = shapes->starts[at];
+    return (struct turned_chart){shapes->boxes[at][0], shapes->boxes[at][1], range[1] - range[0],
+        shapes->spans + range[0]};
+}

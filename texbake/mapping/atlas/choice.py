@@ -20,7 +20,7 @@ from texbake.mapping.atlas.flatten import face_energies, relax_charts
 from texbake.mapping.atlas.halves import Halves
 from texbake.mapping.atlas.joining.join import join_charts
 from texbake.mapping.atlas.joining.necks import divide_at_necks
-from texbake.mapping.atlas.joining.pieces import ChartPiece, charts_of, pieces_of
+from texbake.mapping.atlas.joining.pieces import charts_of, pieces_of
 from texbake.mapping.atlas.joining.straighten import straighten_charts
 from texbake.mapping.atlas.mirrored_charts import find_counterparts
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
@@ -181,8 +181,8 @@ def _joined_again(
 ) -> Charts:
     """Charts relaxed and without overlaps, joined at edges other than those cut, straightened."""
 
-    def pairs(pieces: list[ChartPiece]) -> dict[int, int]:
-        return {} if halves is None else find_counterparts(pieces, surface=surface, halves=halves)
+    def pairs(faces: list[IntArray]) -> dict[int, int]:
+        return {} if halves is None else find_counterparts(faces, surface, halves)
 
     charts = _parted(surface, relax_charts(surface, charts))
     if charts.n_charts > 1:

@@ -21,7 +21,6 @@ from texbake.mapping.atlas.cutting.repair import NO_CHART, repair_charts
 from texbake.mapping.atlas.flatten import relax_charts
 from texbake.mapping.atlas.halves import Halves, image_costs
 from texbake.mapping.atlas.joining.join import compact_charts, join_charts
-from texbake.mapping.atlas.joining.pieces import ChartPiece
 from texbake.mapping.atlas.joining.straighten import BORDER_WIDTH, straighten_charts
 from texbake.mapping.corner_uvs import surface_areas
 from texbake.mapping.seams import merged_labels
@@ -218,25 +217,18 @@ def _without_small_parts(labels: IntArray, neighbors: IntArray) -> IntArray:
 
 
 def find_counterparts(
-    pieces: Sequence[ChartPiece], surface: ChartSurface, halves: Halves
-) -> dict[int, int]:
-    """Find the piece that is the mirror image of each; in the middle, the piece itself."""
-    return counterparts([piece.face_ids for piece in pieces], surface, halves)
-
-
-def counterparts(
     faces: Sequence[IntArray], surface: ChartSurface, halves: Halves
 ) -> dict[int, int]:
-    """`find_counterparts` of the faces of charts."""
+    """Find the mirror image of each chart, by its faces; in the middle, the chart itself."""
     sides, owners = halves.sides, np.full(len(halves.sides), -1, dtype=np.int32)
     for index, face_ids in enumerate(faces):
         owners[face_ids] = index
     images = _images(surface, halves)
-    pairs: dict[int, int] = {}
+    counterparts: dict[int, int] = {}
     for index, face_ids in enumerate(faces):
         side = sides[face_ids[0]]
         if side == 0:
-            pairs[index] = index
+            counterparts[index] = index
         elif side < 0:
             found = images[face_ids]
             found = owners[found[found >= 0]]
@@ -244,12 +236,12 @@ def counterparts(
             if not len(found):
                 continue
             counterpart = int(np.bincount(found).argmax())
-            largest = pairs.get(counterpart)
+            largest = counterparts.get(counterpart)
             if largest is None or len(faces[largest]) < len(face_ids):
                 if largest is not None:
-                    del pairs[largest]
-                pairs[index], pairs[counterpart] = counterpart, index
-    return pairs
+                    del counterparts[largest]
+                counterparts[index], counterparts[counterpart] = counterpart, index
+    return counterparts
 
 
 def _images(surface: ChartSurface, halves: Halves) -> IntArray:

@@ -12,7 +12,7 @@ import numpy as np
 from texbake.core import portable_math as pm
 from texbake.mapping.atlas.charts import Charts
 from texbake.mapping.atlas.cutting.cut import snap_points
-from texbake.mapping.atlas.mirrored_charts import counterparts
+from texbake.mapping.atlas.mirrored_charts import find_counterparts
 from texbake.mapping.atlas.source import ChartSource
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.mesh.topology import next_half_edges, opposite_half_edges
@@ -108,7 +108,7 @@ def _neighbors_of(mesh: Mesh, charts: Charts, source: ChartSource | None) -> Nei
         ids = np.flatnonzero(charts.solid).astype(np.int32)
         ids = ids[np.argsort(owners[ids], kind="stable")]
         faces = np.split(ids, np.searchsorted(owners[ids], np.arange(1, charts.n_charts)))
-        for one, other in counterparts(faces, source.surface, halves).items():
+        for one, other in find_counterparts(faces, source.surface, halves).items():
             if one != other:
                 partners[one] = other
         mirrors = _mirror_angles(points[mesh.faces], charts, solid, partners, halves.plane.normal)

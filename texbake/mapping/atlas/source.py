@@ -34,7 +34,7 @@ class ChartSource:
     surface: ChartSurface
     symmetry: str
     hide_seams: float | None  # None: by default, as long as seams get hardly longer
-    joined: bool  # charts will be joined: in `fast`, they are not
+    joined: bool  # charts will be joined, and not only with their mirror images, as in `fast`
     stages: Stages
     n_within: int = 0  # hard edges that end within a region, where no seam runs
 

@@ -63,14 +63,15 @@ def join_charts(
     most_waste: float = MOST_WASTE,
     most_length: float = math.inf,
     most_work: int = 300,
-    find_counterparts: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
+    find_counterparts: Callable[[list[IntArray]], dict[int, int]] | None = None,
     only_pairs: bool = False,
 ) -> Charts:
     """Join neighboring charts, cheapest first, up to a share of the area of the mesh.
 
     `weights`: (F, 3) costs of seams by `edge_weights`: the costliest seams are removed first.
-    `find_counterparts`: returns the index of the mirror image of each piece; joined charts stay
-    mirror images of each other. `only_pairs`: a piece joins its mirror image or nothing.
+    `find_counterparts`: returns the index of each piece's mirror image, by the faces of pieces;
+    joined charts stay mirror images of each other. `only_pairs`: join pieces to their mirror images
+    only.
     """
     weights = np.ones((len(surface.faces), 3)) if weights is None else weights
     solid = charts.solid
@@ -91,7 +92,9 @@ def join_charts(
         chart_length=most_length * math.sqrt(area),
         strip_length=STRIP_SIDES * math.sqrt(area),
     )
-    counterparts = None if find_counterparts is None else find_counterparts(pieces)
+    counterparts = None
+    if find_counterparts is not None:
+        counterparts = find_counterparts([piece.face_ids for piece in pieces])
     joining = _Joining(
         pieces, opposite, weights.ravel(), allowed, counterparts, only_pairs, surface.threads
     )

@@ -50,7 +50,7 @@ def straighten_charts(
     weights: FloatArray,
     *,
     halves: Halves | None = None,
-    find_counterparts: Callable[[list[ChartPiece]], dict[int, int]] | None = None,
+    find_counterparts: Callable[[list[IntArray]], dict[int, int]] | None = None,
     n_rounds: int = 2,
 ) -> Charts:
     """Shorten borders, weighted by `weights` (F, 3) of edges; infinite where none may run.
@@ -64,7 +64,7 @@ def straighten_charts(
     pieces = pieces_of(surface, charts, opposite)
     partners = np.arange(len(pieces))
     if find_counterparts is not None:
-        for one, other in find_counterparts(pieces).items():
+        for one, other in find_counterparts([piece.face_ids for piece in pieces]).items():
             partners[one] = other
     for width in (BORDER_WIDTH, _NARROW)[:n_rounds] if len(pieces) > 1 else ():
         pieces = _straightened(surface, opposite, pieces, weights, width, halves, partners)

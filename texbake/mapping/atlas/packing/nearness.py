@@ -101,7 +101,8 @@ def _seam_sides(
 def seam_distance(poses: ChartRotations, places: IntArray, *, scale: float, margin: float) -> float:
     """Mean distance between both sides of seams, in cells, of charts at places (C, 3)."""
     neighbors = poses.charts.neighbors
-    if neighbors is None or not len(neighbors.seams):
+    assert neighbors is not None
+    if not len(neighbors.seams):
         return 0.0
     there = places[poses.charts.chart_ids[neighbors.seams[:, :, 0]]]
     sides = _seam_sides(neighbors, poses, scale, margin)

@@ -28,9 +28,6 @@ _FIRST_STEP = 0.008  # relative step of the scale while charts must shrink
 _HASTE = 5  # greatest multiple of it, as the work exceeds its limit
 _MOST_SHRINKS = 40
 
-# Shares of the scale that mirror images are worth, and seams shorter by a side of the texture.
-_MIRRORED_VALUE, _NEAR_VALUE = 0.01, 0.1
-
 _BASE_WEIGHT = 2048.0  # of an overlapping cell; weights are integer fractions of it
 
 
@@ -84,15 +81,8 @@ class RoughLayout:
     # borders.
     centers: FloatArray
     scale: float  # texels per unit
-    fixed: BoolArray | None = None  # (C,); charts that keep their angles
-    mirrored: float = 0.0  # share of pairs that are mirror images of each other
-    distance: float = 0.0  # mean between both sides of seams, in sides of the texture
-
-    @property
-    def value(self) -> float:
-        """The scale, and a little more for mirrored pairs and neighbors near each other."""
-        near = _MIRRORED_VALUE * self.mirrored - _NEAR_VALUE * self.distance
-        return self.scale * (1.0 + near)
+    fixed: BoolArray  # (C,); charts that keep their angles
+    value: float  # the scale, with a bonus for mirrored pairs and neighbors near each other
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,6 +108,8 @@ class FinalLayout:
             angles=angles[charts, pose] + turns * (math.pi / 2.0),
             centers=(self.places[:, :2] + boxes / 2.0) / [grid.width, grid.height],
             scale=self.scale * grid.cell,
+            fixed=np.zeros(len(charts), dtype=bool),
+            value=self.scale * grid.cell,
         )
 
 
@@ -129,9 +121,7 @@ def refine_layout(
     best: FinalLayout | None = None
     best_layout, step, n_failed, work, trial = layout, _STEP, 0, 0, 0
     scale = layout.scale / grid.cell
-    turns = charts.allowed(_ANGLES)
-    if layout.fixed is not None:
-        turns = np.where(layout.fixed[:, None], 0.0, turns)
+    turns = np.where(layout.fixed[:, None], 0.0, charts.allowed(_ANGLES))
     while (best is None or work < most_work) and step >= _LEAST_STEP:
         trial += 1
         angles = layout.angles[:, None] + turns

@@ -39,6 +39,9 @@ _SHRINK = 0.9  # factor of the scale until the charts fit
 _NOISE = 0.15
 _LEAST_GROWTH, _MOST_GROWTH = 1.004, 1.08  # factors of the area when charts fit
 
+# Shares of the scale that mirror images are worth, and seams shorter by a side of the texture.
+_MIRRORED_VALUE, _NEAR_VALUE = 0.01, 0.1
+
 _SQUEEZE = SearchLimits(samples=40, radius=24, step=8, patience=300, work=400_000_000)
 
 
@@ -55,15 +58,7 @@ class CoarseLayout:
     size: tuple[int, int]  # columns and rows of the grid
     cell_scale: float  # cells per unit
     scale: float  # texels per unit
-    fixed: BoolArray | None = None  # (C,); charts that keep their orientation
-
-    @property
-    def mirrored(self) -> float:
-        """Share of pairs that are mirror images and stay so."""
-        neighbors = self.poses.charts.neighbors
-        if neighbors is None or self.fixed is None:
-            return 0.0
-        return np.count_nonzero(self.fixed) / np.count_nonzero(neighbors.partners >= 0)
+    fixed: BoolArray  # (C,); mirror images of others, which keep their orientation
 
 
 def coarse_layout(
@@ -93,6 +88,7 @@ def coarse_layout(
         size=(width, height),
         cell_scale=found.scale,
         scale=found.scale * cell,
+        fixed=np.zeros(charts.n_charts, dtype=bool),
     )
 
 
@@ -108,8 +104,7 @@ def with_neighbors_near(draft: CoarseLayout, most_work: int) -> CoarseLayout:
         draft.poses, draft.shapes, draft.places, directions, size=draft.size,
         scale=draft.cell_scale, margin=draft.margin, most_work=most_work,
     )  # fmt: skip
-    fixed = mirrored_pairs(neighbors, directions, places[:, 2])
-    return replace(draft, places=places, fixed=fixed if fixed.any() else None)
+    return replace(draft, places=places, fixed=mirrored_pairs(neighbors, directions, places[:, 2]))
 
 
 def squeeze_layout(draft: CoarseLayout, *, most_work: int, seed: int) -> RoughLayout:
@@ -117,26 +112,28 @@ def squeeze_layout(draft: CoarseLayout, *, most_work: int, seed: int) -> RoughLa
     weights, shapes = pair_weights(draft.areas), _with_fixed(draft)
     places, across, up = _squeezed(shapes, draft.places, weights, draft.size, most_work, seed)
     charts = np.arange(len(places))
-    if draft.fixed is not None:
-        places[:, 2] = np.where(draft.fixed, draft.places[:, 2], places[:, 2])
+    places[:, 2] = np.where(draft.fixed, draft.places[:, 2], places[:, 2])
     boxes = draft.shapes.boxes[charts, places[:, 2]]
-    distance = seam_distance(draft.poses, places, scale=draft.cell_scale, margin=draft.margin)
+    neighbors, near = draft.poses.charts.neighbors, 0.0
+    if neighbors is not None:
+        n_pairs = max(int(np.count_nonzero(neighbors.partners >= 0)), 1)
+        mirrored = np.count_nonzero(draft.fixed) / n_pairs
+        distance = seam_distance(draft.poses, places, scale=draft.cell_scale, margin=draft.margin)
+        near = _MIRRORED_VALUE * mirrored - _NEAR_VALUE * distance / max(across, up)
+    scale = draft.scale * min(draft.size[0] / across, draft.size[1] / up)
     return RoughLayout(
         angles=draft.angles[charts, places[:, 2] // _TURNS]
         + places[:, 2] % _TURNS * (math.pi / 2.0),
         centers=(places[:, :2] + boxes / 2.0) / [across, up],
-        scale=draft.scale * min(draft.size[0] / across, draft.size[1] / up),
+        scale=scale,
         fixed=draft.fixed,
-        mirrored=draft.mirrored,
-        distance=distance / max(across, up),
+        value=scale * (1.0 + near),
     )
 
 
 def _with_fixed(draft: CoarseLayout) -> Shapes:
     """The shapes, of fixed charts in the orientation that they have and no other."""
     shapes = draft.shapes
-    if draft.fixed is None:
-        return shapes
     ids, kept = np.flatnonzero(draft.fixed), draft.places[draft.fixed, 2]
     boxes, starts = shapes.boxes.copy(), shapes.starts.copy()
     reach_starts = shapes.reach_starts.copy()
