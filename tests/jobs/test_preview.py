@@ -54,6 +54,8 @@ def test_a_mesh_without_normals_is_hard_at_sharp_edges_but_smooth_with_a_normal_
 
     plain, hard, smooth = drawn()
     assert plain == hard != smooth
+    plain, hard, smooth = drawn(albedo=tmp_path / "flat.png")
+    assert plain == hard != smooth
     plain, hard, smooth = drawn(**maps)
     assert plain == smooth != hard
 

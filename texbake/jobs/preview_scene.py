@@ -73,8 +73,9 @@ def open_preview(
         with parsed_once():
             mesh = read_mesh(path, progress=progress)
             materials = None if as_mesh else shown_materials(path, mesh)
-        # A normal map belongs to the normals that it was baked for, which are smooth.
-        if mesh.normals is None and not files and not _has_normal_maps(materials):
+        # A normal map and a displacement belong to the normals of their bake, which are smooth.
+        is_baked = not files.keys() <= {"albedo"} or _has_normal_maps(materials)
+        if mesh.normals is None and not is_baked:
             mesh = with_sharp_edges(mesh)
         if materials is None:
             scene = studio_scene(mesh, **files, space=space, options=chosen)
