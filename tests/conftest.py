@@ -24,7 +24,7 @@ with suppress(ImportError):
 
     providers._get_local_constants = lambda: providers._local_constants
 
-# No file that a test writes outlives the power of the machine, so that none waits for its disk.
+# Files of tests need not survive a power failure, so that no test waits for the disk.
 os.fsync = lambda descriptor: None
 
 # A process that was started in the background, or by nohup, ignores signals, and so would all that

@@ -54,7 +54,7 @@ def test_a_bake_of_files_is_a_bake_of_their_meshes(folder):
 def test_a_warning_says_that_a_bake_rounds_sharp_edges(folder, high, changes, is_warned):
     texbake.write_mesh(high, "high.obj")
     done = bake_files("high.obj", "ball.obj", "maps", replace(OPTIONS, **changes))
-    assert any("sharp edges round" in warning for warning in done.warnings) == is_warned
+    assert any("sharp edges rounded" in warning for warning in done.warnings) == is_warned
 
 
 def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder):

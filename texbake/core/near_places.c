@@ -4,8 +4,8 @@
    A few charts are taken out and put back, the largest first, each into the free place nearest to
    where its seams would be shortest, in any orientation. The change is kept if all of them find a
    place and the cost is lower: the distance between both sides of each seam, by its weight, and a
-   penalty for each pair of mirror images that is none in the layout. Cells are bits, so that the
-   surroundings of a chart are soon cleared and blocked again.
+   penalty for each pair of mirror images that do not mirror each other in the layout. Cells are bits,
+   so that the surroundings of a chart are quickly cleared and blocked again.
 
    Based on: Paul Shaw, "Using constraint programming and local search methods to solve vehicle routing
    problems", 1998 (large neighborhood search: take out and put back).

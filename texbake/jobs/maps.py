@@ -35,7 +35,7 @@ from texbake.texture.image import read_image, write_image
 from texbake.texture.model_materials import read_materials
 
 DEFAULT_FORMAT = "png"
-_MOST_CAD_FACES = 1_000_000  # more make a scan, in which finding no sharp edges takes time
+_MOST_CAD_FACES = 1_000_000  # larger meshes are scans: the search takes long and finds none
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,7 +178,7 @@ def _rounded_edges(high: Mesh | StreamedMesh, options: BakeOptions) -> Iterator[
         return
     if with_sharp_edges(high, threads=options.threads) is not high:
         yield (
-            f"{high.name}: the file has no normals, so the normal map shows its sharp edges round; "
+            f"{high.name}: the file has no normals, so the normal map shows sharp edges rounded; "
             "set `high_shading` to flat, or make hard normals with: texbake transform --normals "
             "angle"
         )

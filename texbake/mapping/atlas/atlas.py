@@ -279,7 +279,7 @@ def _connected_charts(source: ChartSource, options: UnwrapOptions) -> Charts:
     overlaps = source.symmetry == "overlap"
     why, halves = "it has no mirror plane", None
     is_fast = options.quality == "fast"
-    # Creases, along which `fast` cuts what has flat sides, are symmetric without being mirrored.
+    # `fast` cuts mechanical parts along creases, most of which mirror each other anyway.
     if options.charts == "texbake" and (overlaps or not (is_fast and source.is_flat_sided)):
         halves = source.halves
     if halves is not None and overlaps:
@@ -362,7 +362,7 @@ def _improved(
 ) -> Charts:
     """Relax or mirror charts, join them as far as stretch allows, and straighten their borders.
 
-    Of `fast`, these are mirrored charts, which are only joined with their mirror images.
+    With `fast`, charts are mirrored, and only joined with their mirror images.
     """
     mesh, surface, stages, weights = source.mesh, source.surface, source.stages, source.weights
     if halves is None:

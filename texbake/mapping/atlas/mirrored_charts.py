@@ -55,8 +55,8 @@ def half_charts(
 ) -> Charts:
     """Symmetric charts of a mesh: `charts` of `half_faces` and their images.
 
-    All are cut until compact and relaxed, but for those of `fast`. `weights` (F, 3): costs of edges
-    by `edge_weights`.
+    Except with `fast`, all are relaxed and cut until compact. `weights` (F, 3): costs of edges by
+    `edge_weights`.
     """
     ids, others = half_faces(halves), np.flatnonzero(halves.sides < 0).astype(np.int32)
     half = half_surface(surface, halves)

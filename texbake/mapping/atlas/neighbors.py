@@ -21,7 +21,7 @@ from texbake.records import dataclass
 
 _QUARTER = math.pi / 2.0
 _MOST_SEAMS = 8  # edges that stand for all edges between two charts
-_TURN_AWAY = math.radians(5.0)  # from mirror images, of charts along u and v that count as such
+_TURN_AWAY = math.radians(5.0)  # most that charts along u and v differ from mirror images
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,9 +41,9 @@ class Neighbors:
         return replace(self, partners=np.full_like(self.partners, -1))
 
     def mirrored(self, angles: FloatArray, aligned: BoolArray) -> tuple[Neighbors, FloatArray]:
-        """Angles (C,) at which pairs mirror each other; also those pairs.
+        """These neighbors, and angles (C,) at which pairs mirror each other.
 
-        Aligned charts only turn by quarters, and are no pairs where that is not enough.
+        Aligned charts only turn by quarters, and are no longer pairs where that is not enough.
         """
         ids, partners = np.arange(len(angles)), self.partners
         second = (partners >= 0) & (ids > partners)

@@ -89,7 +89,7 @@ class AtlasOptions(TextureOptions):
     symmetry: str = option(
         "auto",
         "For a mesh with a mirror plane: auto makes cuts and charts mirror each other (with fast, "
-        "not of mechanical parts), overlap lays one half on the other, so that both share their "
+        "except on mechanical parts), overlap lays one half on the other, so that both share their "
         "texels, and off ignores the plane.",
         choices=SYMMETRIES,
     )

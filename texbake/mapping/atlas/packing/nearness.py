@@ -1,7 +1,7 @@
 """Neighbors in space near each other in the texture, and mirror images as mirror images.
 
 Charts are exchanged, moved and turned within a layout, which keeps its scale, so that both sides of
-seams come closer and the mirror image of a chart is one in the texture, too.
+seams come closer, and mirror images of charts are mirror images in the texture, too.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from texbake.mapping.atlas.packing.bitmaps import (
 from texbake.mapping.atlas.packing.refine import SNAP_MARGIN, FinalLayout
 from texbake.mesh.mesh import BoolArray, FloatArray, IntArray
 
-# What a pair of mirror images costs that is none in the layout: as much as if all seams were longer
-# by this share of a side of the texture.
+# Cost of a pair of mirror images that do not mirror each other in the layout: as if all seams were
+# longer by this share of a side of the texture.
 _NOT_MIRRORED = 0.1
 _QUARTER, _HALF = 8, 16  # turns, in steps of directions
 
@@ -122,7 +122,7 @@ def pose_directions(poses: ChartRotations) -> IntArray:
 
 
 def mirrored_pairs(neighbors: Neighbors, directions: IntArray, orientations: IntArray) -> BoolArray:
-    """(C,) charts whose mirror image is one in the layout, too."""
+    """(C,) charts whose mirror images mirror them in the layout, too."""
     own, partners = directions[np.arange(len(directions)), orientations], neighbors.partners
     return np.asarray((partners >= 0) & ((own + own[partners]) % _HALF == 0))
 

@@ -93,7 +93,7 @@ def coarse_layout(
 
 
 def with_neighbors_near(draft: CoarseLayout, most_work: int) -> CoarseLayout:
-    """Move charts of a draft near their neighbors, and turn them as their mirror images lie.
+    """Move charts of a draft near their neighbors, and turn them to mirror their mirror images.
 
     Pairs that succeed keep their orientations from then on.
     """
