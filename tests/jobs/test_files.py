@@ -5,7 +5,10 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from click.testing import CliRunner
+from texbake_cli.main import texbake as cli
 
 import texbake
 from texbake import BakeOptions
@@ -13,6 +16,7 @@ from texbake.errors import FileError, FileFormatError, MeshError
 from texbake.jobs.maps import BakeFiles, bake_files
 from texbake.jobs.outputs import write_report
 from texbake.mesh.hard_edges import with_normals
+from texbake.mesh.normals import face_normals
 from texbake.mesh.shapes import cube, uv_sphere
 from texbake.verbs.info import info_file
 from texbake.verbs.make import make_file
@@ -55,6 +59,27 @@ def test_a_warning_says_that_a_bake_rounds_sharp_edges(folder, high, changes, is
     texbake.write_mesh(high, "high.obj")
     done = bake_files("high.obj", "ball.obj", "maps", replace(OPTIONS, **changes))
     assert any("sharp edges rounded" in warning for warning in done.warnings) == is_warned
+
+
+def test_the_command_in_that_warning_makes_the_sharp_edges_hard(folder):
+    ring = np.array([[np.cos(a), np.sin(a)] for a in np.arange(8) * np.pi / 4])
+    prism = texbake.Mesh(
+        positions=np.vstack([np.insert(ring, 2, z, axis=1) for z in (0.0, 1.0)]),
+        faces=[
+            *((0, i + 1, i) for i in range(1, 7)),
+            *((8, 8 + i, 9 + i) for i in range(1, 7)),
+            *((i, (i + 1) % 8, 8 + (i + 1) % 8) for i in range(8)),
+            *((i, 8 + (i + 1) % 8, 8 + i) for i in range(8)),
+        ],
+    )
+    texbake.write_mesh(prism, "high.stl")
+    (warning,) = (
+        line for line in bake_files("high.stl", "ball.obj", "maps", OPTIONS).warnings
+        if "sharp edges rounded" in line
+    )  # fmt: skip
+    assert CliRunner().invoke(cli, warning.split("texbake ")[1].split()).exit_code == 0
+    hard = texbake.read_mesh("OUT.obj")
+    assert np.allclose(hard.normals[hard.normal_faces], face_normals(hard)[:, np.newaxis])
 
 
 def test_maps_go_to_files_of_any_name_and_come_again_from_a_trace(folder):

@@ -22,7 +22,7 @@ from texbake.files import PathLike, appearing_together, make_folder, scratch_fol
 from texbake.jobs.fit import check_fit, with_diagnosis
 from texbake.jobs.outputs import JobResult, check_distinct, present_paths
 from texbake.mesh.files import read_mesh
-from texbake.mesh.hard_edges import with_sharp_edges
+from texbake.mesh.hard_edges import SHARP_ANGLE, with_sharp_edges
 from texbake.mesh.materials import CHANNELS, Materials
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.objects import joined_objects
@@ -179,8 +179,8 @@ def _rounded_edges(high: Mesh | StreamedMesh, options: BakeOptions) -> Iterator[
     if with_sharp_edges(high, threads=options.threads) is not high:
         yield (
             f"{high.name}: the file has no normals, so the normal map shows sharp edges rounded; "
-            "set `high_shading` to flat, or make hard normals with: texbake transform --normals "
-            "angle"
+            "set `high_shading` to flat, or make hard normals with: texbake transform "
+            f"{high.name} -o OUT.obj --normals angle --angle {SHARP_ANGLE:g}"
         )
 
 

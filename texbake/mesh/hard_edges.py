@@ -55,9 +55,11 @@ from texbake.mesh.topology import (
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-# Cosines of the angle from which on an edge may be sharp, and of that which gentle curves stay
-# below; the share of ends of sharp edges that must run on, and of other edges that may turn more.
-_SHARP, _GENTLE = pm.cos(math.radians(40.0)), pm.cos(math.radians(20.0))
+SHARP_ANGLE = 40.0  # in degrees; edges at which faces meet at more than this may be sharp
+
+# Cosines of this angle, and of that which gentle curves stay below; the share of ends of sharp
+# edges that must run on, and of other edges that may turn more.
+_SHARP, _GENTLE = pm.cos(math.radians(SHARP_ANGLE)), pm.cos(math.radians(20.0))
 _RUNNING_ON, _MOST_CURVED = 0.9, 0.2
 
 # In degrees; more than rounding to float32 changes the angle between faces that are not slivers.
