@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from texbake import unwrap, write_mesh
+from texbake import Mesh, unwrap, write_mesh
+from texbake.mapping.unwrap import unwrap_with_report
 from texbake.mesh.shapes import uv_sphere
 from texbake.pages.layout_page import write_layout_page
 from texbake.verbs.unwrap import unwrap_files
@@ -72,6 +73,36 @@ def test_in_a_narrow_window_the_pictures_lie_below_each_other(browser, page):
     )
     assert solid > flat + 200
     assert "&lt;ball&gt;" in page.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("symmetry", ["auto", "overlap"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_table_has_the_charts_of_the_figures(tmp_path, symmetry, turned):
+    ball = uv_sphere(12, 24).replace(uvs=None, uv_faces=None)
+    if turned:  # so that the other half comes first
+        ball = ball.replace(faces=ball.faces[::-1])
+    mesh, report = unwrap_with_report(ball, symmetry=symmetry)
+    write_layout_page(tmp_path / "page.html", mesh, shares=symmetry == "overlap")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert f"in {report.n_charts} charts" in page
+    assert page.count("<tr data-chart") == report.n_charts
+    assert ">inf<" not in page
+
+
+def test_shares_are_those_of_the_whole_surface_where_the_table_leaves_out_charts(tmp_path):
+    row = np.arange(500)
+    corners = np.stack([row, row + 0.5, row], axis=1).reshape(-1) / 500
+    uvs = np.column_stack([corners, np.tile([0.0, 0.0, 1.0], 500)])
+    mesh = Mesh(
+        positions=np.column_stack([uvs, np.zeros(1500)]),
+        faces=np.arange(1500).reshape(-1, 3),
+        uvs=uvs,
+        uv_faces=np.arange(1500).reshape(-1, 3),
+    )
+    write_layout_page(tmp_path / "page.html", mesh)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The 200 largest." in page
+    assert page.count("<td>0.2 %</td>") == 200
 
 
 def test_unwrap_writes_the_page(tmp_path):

@@ -20,7 +20,7 @@ from texbake.mapping.corner_uvs import measurable_uvs, signed_areas, unmeasurabl
 from texbake.mapping.seams import border_edges, chart_ids, seam_edges
 from texbake.mapping.stretch import face_stretch
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, IntArray, Mesh
 from texbake.mesh.oklch import diverging
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -128,13 +128,21 @@ class LayoutWindow:
 
 
 def face_colors(
-    mesh: Mesh, charts: IntArray, size: int | tuple[int, int], heat: bool
+    mesh: Mesh,
+    charts: IntArray,
+    size: int | tuple[int, int],
+    heat: bool,
+    stacked: BoolArray | None = None,
 ) -> FloatArray:
-    """(F, 3) sRGB colors of faces: by stretch, or by chart with mirrored faces in red."""
+    """(F, 3) sRGB colors of faces: by stretch, or by chart with mirrored faces in red.
+
+    `stacked` (F,) faces lie on others on purpose and are not red.
+    """
     if heat:
         return _heat_colors(mesh, size)
     colors = _chart_palette(int(charts.max()) + 1)[charts]
-    colors[signed_areas(mesh.corner_uvs()) < 0.0] = MIRRORED
+    mirrored = signed_areas(mesh.corner_uvs()) < 0.0
+    colors[mirrored if stacked is None else mirrored & ~stacked] = MIRRORED
     return colors
 
 

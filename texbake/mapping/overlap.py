@@ -186,6 +186,7 @@ class StackedIslands:
     # stacked and lies outside the unit square.
     tiles: FloatArray
     n_sharing: int  # islands that are not baked
+    stacks: IntArray  # (F,) int32; equal for faces of islands that coincide
 
     @classmethod
     def of(cls, mesh: Mesh, baked: Sequence[str] = ()) -> StackedIslands:
@@ -211,7 +212,18 @@ class StackedIslands:
         sharing = np.ones(len(stacks), dtype=np.bool_)
         sharing[order[np.unique(stacks[order], return_index=True)[1]]] = False
         tiles = np.where(in_stack[:, np.newaxis], boxes.tiles, 0.0)
-        return cls(in_stack[islands], sharing[islands], tiles[islands], int(sharing.sum()))
+        n_sharing = int(sharing.sum())
+        return cls(
+            in_stack[islands],
+            sharing[islands],
+            tiles[islands],
+            n_sharing,
+            stacks[islands].astype(np.int32),
+        )
+
+    def mirrored(self, mesh: Mesh) -> BoolArray:
+        """(F,) bool: mirrored faces, each in an island that coincides with another."""
+        return self.stacked & (signed_areas(mesh.corner_uvs()) < 0.0)
 
     def baked(self, mesh: Mesh) -> Mesh:
         """Return the mesh, with its tangents, and no area in the texture for what shares."""

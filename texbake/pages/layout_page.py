@@ -7,18 +7,21 @@ either of them or in the table, shows it in all three.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from texbake.core import portable_math as pm
 from texbake.errors import UvError
 from texbake.files import PathLike
+from texbake.mapping.corner_uvs import selected
 from texbake.mapping.distortion import ChartDistortion, distortion
 from texbake.mapping.layout import HEAT_RANGE, HEAT_TICKS, face_colors, heat_color
+from texbake.mapping.overlap import StackedIslands
 from texbake.mapping.seams import chart_ids, seam_edges
 from texbake.mesh.frame import LocalFrame
 from texbake.mesh.interchange import MeshLike, as_mesh
-from texbake.mesh.mesh import FloatArray, IntArray, Mesh
+from texbake.mesh.mesh import BoolArray, FloatArray, IntArray, Mesh
 from texbake.pages.page import as_json, asset, page_html, render, write_page
 from texbake.pages.pictures import data_uri, picture_codes
 from texbake.pages.viewer import pack, packed_mesh, shown_mesh, view_settings
@@ -37,13 +40,17 @@ def write_layout_page(
     size: int | tuple[int, int] = 1024,
     *,
     figures: Sequence[tuple[str, str]] = (),
+    shares: bool = False,
     up: str = RenderOptions.up,
 ) -> None:
-    """Write the page of a mesh's texture coordinates, a single file that works offline."""
+    """Write the page of a mesh's texture coordinates, a single file that works offline.
+
+    With `shares`, mirrored halves share texels on purpose: both make one chart.
+    """
     mesh = as_mesh(mesh)
     sides = (size, size) if isinstance(size, int) else size
     shown = shown_mesh(mesh, keeps_uvs=True)
-    charts = chart_ids(shown)
+    charts, stacked = _charts(shown, shares)
     options = RenderOptions(width=480, height=480, exposure="auto", up=up)
     settings = view_settings((mesh,), [], options) | {
         "sides": list(sides),
@@ -51,7 +58,7 @@ def write_layout_page(
         "low": np.floor(shown.corner_uvs().min(axis=(0, 1))).tolist(),
         "high": np.ceil(shown.corner_uvs().max(axis=(0, 1))).tolist(),
     }
-    rows = _rows(shown, sides)
+    rows = _rows(shown, charts, stacked, sides)
     still = encode_image(picture_codes(render_mesh(shown, options=options).color), "jpeg")
     data = {
         "mesh-low": packed_mesh(shown, LocalFrame.around(mesh)),
@@ -59,7 +66,7 @@ def write_layout_page(
         "layout-faces": pack(
             {
                 "chart": charts[:, None],
-                "colors": _codes(face_colors(shown, charts, sides, heat=False)),
+                "colors": _codes(face_colors(shown, charts, sides, False, stacked)),
                 "heat": _codes(face_colors(shown, charts, sides, heat=True)),
                 "seams": (seam_edges(shown) * np.array([[1, 2, 4]], np.int32)).sum(
                     axis=1, keepdims=True, dtype=np.int32
@@ -72,8 +79,9 @@ def write_layout_page(
         "layout.html",
         mesh=mesh,
         shown=shown,
-        n_charts=int(charts.max()) + 1,
-        rows=rows,
+        n_charts=len(np.unique(charts)),
+        rows=rows[:_MOST_ROWS],
+        n_rows=len(rows),
         figures=figures,
         total=sum(row.area for row in rows),
         still=data_uri(still, "image/jpeg"),
@@ -90,13 +98,30 @@ def write_layout_page(
     write_page(path, html)
 
 
-def _rows(mesh: Mesh, sides: tuple[int, int]) -> list[ChartDistortion]:
-    """Figures of the largest charts; none if no face has an area."""
+def _charts(mesh: Mesh, shares: bool) -> tuple[IntArray, BoolArray]:
+    """(F,) charts, one for both halves if these share texels; (F,) mirrored faces on others."""
+    charts = chart_ids(mesh)
+    if not shares:
+        return charts, np.zeros(mesh.n_faces, dtype=np.bool_)
+    found = StackedIslands.of(mesh)
+    mirrored = found.mirrored(mesh)
+    of_stack = np.zeros_like(charts)
+    of_stack[found.stacks[~mirrored]] = charts[~mirrored]
+    return of_stack[found.stacks], mirrored
+
+
+def _rows(
+    mesh: Mesh, charts: IntArray, stacked: BoolArray, sides: tuple[int, int]
+) -> list[ChartDistortion]:
+    """Figures of charts without `stacked` faces, the largest first; none if no face has an area."""
+    mesh, charts = selected(mesh, ~stacked), charts[~stacked]
     try:
         measured = distortion(mesh, sides)
     except UvError:
         return []
-    return sorted(measured.charts, key=lambda chart: -chart.area)[:_MOST_ROWS]
+    firsts = np.unique(chart_ids(mesh), return_index=True)[1]
+    rows = [replace(row, chart=int(charts[firsts[row.chart]])) for row in measured.charts]
+    return sorted(rows, key=lambda row: -row.area)
 
 
 def _codes(colors: FloatArray) -> IntArray:

@@ -198,12 +198,15 @@ def unwrap_files(
     ]
     layout_of = [mesh.on_uv_set(options.uv_set) for mesh, _ in results]
     reports = tuple(figures for _, figures in results)
-    _draw(layout_of, layout, options.size, checker, heat=heat, threads=threads)
+    shares = options.symmetry == "overlap"
+    _draw(layout_of, layout, options.size, checker, heat=heat, shares=shares, threads=threads)
     if html is not None:
         from texbake.mesh.compose import join_meshes
         from texbake.pages.layout_page import write_layout_page
 
-        write_layout_page(html, join_meshes(layout_of), options.size, figures=_rows(reports))
+        write_layout_page(
+            html, join_meshes(layout_of), options.size, figures=_rows(reports), shares=shares
+        )
     notes = [f"{made.mesh}: {note}" for made in reports for note in made.notes]
     return UnwrapFiles(
         files=(
@@ -222,20 +225,25 @@ def _draw(
     checker: PathLike | None,
     *,
     heat: bool,
+    shares: bool,
     threads: int | None,
 ) -> None:
     """Draw the charts and the checker, where they are asked for; both import the renderer."""
     if layout is None and checker is None:
         return
     from texbake.jobs.side_pictures import render_checker, write_layout
+    from texbake.mapping.corner_uvs import selected
+    from texbake.mapping.overlap import StackedIslands
     from texbake.mesh.compose import join_meshes
     from texbake.texture.image import write_image
 
     mesh = join_meshes(meshes)
-    if layout is not None:
-        write_layout(mesh, layout, size, heat=heat, threads=threads)
     if checker is not None:
         write_image(render_checker(mesh, threads=threads), checker, color=True)
+    if layout is not None:
+        if shares:  # draw one of the two halves, which is not mirrored
+            mesh = selected(mesh, ~StackedIslands.of(mesh).mirrored(mesh))
+        write_layout(mesh, layout, size, heat=heat, threads=threads)
 
 
 def _written(
