@@ -365,6 +365,7 @@ def _improved(
     With `fast`, charts are mirrored, and only joined with their mirror images.
     """
     mesh, surface, stages, weights = source.mesh, source.surface, source.stages, source.weights
+    is_fast = options.quality == "fast"
     if halves is None:
         as_cut = chart_stretch(surface.points, mesh, charts)
         with stages.stage("relax charts"):
@@ -388,9 +389,12 @@ def _improved(
             most_length=_JOINED_SIDES / math.sqrt(options.tiles),
             most_work=_JOIN_WORK[options.quality] * (1 if halves is None else 2),
             find_counterparts=pairs,
-            only_pairs=options.quality == "fast",
+            only_pairs=is_fast,
         )
     if options.charts != "texbake":
         return charts
     with stages.stage("straighten borders"):
-        return straighten_charts(surface, charts, weights, halves=halves, find_counterparts=pairs)
+        return straighten_charts(
+            surface, charts, weights, halves=halves, find_counterparts=pairs,
+            n_rounds=1 if is_fast else 2,
+        )  # fmt: skip

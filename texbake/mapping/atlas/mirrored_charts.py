@@ -235,7 +235,8 @@ def find_counterparts(
             found = found[found >= 0]
             if not len(found):
                 continue
-            counterpart = int(np.bincount(found).argmax())
+            ids, counts = np.unique(found, return_counts=True)
+            counterpart = int(ids[counts.argmax()])
             largest = counterparts.get(counterpart)
             if largest is None or len(faces[largest]) < len(face_ids):
                 if largest is not None:

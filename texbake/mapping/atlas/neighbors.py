@@ -101,10 +101,8 @@ def _neighbors_of(mesh: Mesh, charts: Charts, source: ChartSource | None) -> Nei
     lengths = pm.norm(points[heads] - points[tails], axis=1)
     kept, weights = _some_of_each(np.sort(owners[np.stack([edges, across]) // 3], axis=0), lengths)
     partners, mirrors = np.full(charts.n_charts, -1, dtype=np.int32), np.zeros(charts.n_charts)
-    halves = None
-    if source is not None and source.joined and charts.stacked is None:
+    if source and source.joined and charts.stacked is None and source.halves:
         halves = source.halves
-    if source is not None and halves is not None:
         ids = np.flatnonzero(charts.solid).astype(np.int32)
         ids = ids[np.argsort(owners[ids], kind="stable")]
         faces = np.split(ids, np.searchsorted(owners[ids], np.arange(1, charts.n_charts)))

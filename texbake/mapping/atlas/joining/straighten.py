@@ -56,10 +56,8 @@ def straighten_charts(
     """Shorten borders, weighted by `weights` (F, 3) of edges; infinite where none may run.
 
     `halves`, `find_counterparts`: of a symmetric mesh, whose charts stay mirror images; `n_rounds`:
-    the second, which loose halves do not get, is for borders that could not move in the first.
+    the second is for borders that could not move in the first.
     """
-    if halves is not None and halves.is_loose:
-        n_rounds = 1
     opposite = surface.opposite(charts.solid)
     pieces = pieces_of(surface, charts, opposite)
     partners = np.arange(len(pieces))
