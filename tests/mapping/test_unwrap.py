@@ -301,3 +301,23 @@ def test_a_plate_with_beveled_holes_is_cut_at_hard_edges_in_fast(name):
     steps = mesh.positions[np.roll(corners, -1, axis=1)] - mesh.positions[corners]
     lengths = np.linalg.norm(steps.reshape(-1, 3)[edges], axis=1)
     assert lengths[angles >= 30.0].sum() >= 0.7 * lengths.sum()
+
+
+@pytest.mark.parametrize("changes", [
+    {"tiles": 1}, {"tiles": 4}, {"tiles": 4, "texel_density": 10.0},
+])  # fmt: skip
+def test_a_note_says_that_charts_use_fewer_tiles(changes):
+    _, report = unwrap_with_report(plane(4, 4), **changes)
+    expected = changes == {"tiles": 4}
+    assert any("use 1 of 4 tiles" in note for note in report.notes) == expected
+
+
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+@pytest.mark.parametrize("step", [1, -1])
+def test_a_note_says_that_repeated_faces_cut_charts(quality, step):
+    ball = icosphere(2)
+    doubled = ball.replace(faces=np.vstack([ball.faces, ball.faces[:, ::step]]))
+    _, report = unwrap_with_report(doubled, quality=quality)
+    assert f"{ball.n_faces} faces repeat others" in report.notes[-1]
+    _, report = unwrap_with_report(ball, quality=quality)
+    assert not any("repeat" in note for note in report.notes)

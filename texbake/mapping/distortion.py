@@ -211,7 +211,7 @@ def distortion(
         n_charts=len(chart_figures),
         seam_length=seam_length,
         fill=float(texel_areas.sum()) / (width * height),
-        n_tiles=_n_tiles(uvs[found.faces]),
+        n_tiles=n_used_tiles(uvs[found.faces]),
         texel_density=math.sqrt(texel_areas.sum() / found.areas.sum()),
         texel_density_variation=_variation(np.sqrt(texel_areas / found.areas), found.areas),
     )
@@ -265,8 +265,8 @@ def _worst_faces(found: FaceStretch, charts: IntArray) -> tuple[FaceDistortion, 
     )
 
 
-def _n_tiles(corners: FloatArray) -> int:
-    """Number of unit squares that contain the centroid of a triangle."""
+def n_used_tiles(corners: FloatArray) -> int:
+    """Number of unit squares that contain the centroid of a triangle (F, 3, 2)."""
     columns, rows = np.floor(corners.mean(axis=1)).T
     return len(np.unique(columns + 1j * rows))  # pairs of numbers as single ones
 

@@ -6,7 +6,7 @@ position of the model change nothing but options that are given in model units.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from importlib import import_module
 from typing import Any
@@ -23,18 +23,21 @@ from texbake.mapping.corner_uvs import (
     selected,
     with_coordinates,
 )
-from texbake.mapping.distortion import Distortion, distortion
+from texbake.mapping.distortion import Distortion, distortion, n_used_tiles
 from texbake.mapping.options import METHODS, UnwrapOptions
 from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import BoolArray, Mesh, UvSet
+from texbake.mesh.objects import weld_vertices
+from texbake.mesh.topology import duplicate_faces
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
 _MARKS = "seams", "protect", "importance"  # what a user gives for the edges and faces of a mesh
 _FARTHEST = 1e12  # tiles from the origin; beyond it, float64 cannot resolve 1/4096 of a tile
+_MANY_REPEATED = 0.1  # share of the faces; the charts of fewer are few beside the others
 
 
 def unwrap(
@@ -256,7 +259,7 @@ def _mapped_by_atlas(
     meshes, chosen, seams, protect, importance = marks
     faces_of = list(zip(meshes, chosen, strict=True))
     mapped = []
-    for atlas in make_atlas(
+    atlases = make_atlas(
         parts,
         options,
         stages,
@@ -268,7 +271,9 @@ def _mapped_by_atlas(
             importance_of(*each, values) for each, values in zip(faces_of, importance, strict=True)
         ],
         threads=threads,
-    ):
+    )
+    n_tiles = n_used_tiles(np.concatenate([atlas.corners for atlas in atlases]))
+    for part, atlas in zip(parts, atlases, strict=True):
         charts = atlas.charts
         n_stacked = 0 if charts.stacked is None else int(charts.stacked.sum())
         mapped.append(
@@ -280,12 +285,28 @@ def _mapped_by_atlas(
                     "mirrored charts, flipped": charts.n_mirrored,
                     "charts split off because they overlapped their own chart": charts.n_split,
                 },
-                notes=charts.notes,
+                notes=(*charts.notes, *_notes(part, options, n_tiles)),
                 padding=atlas.padding,
                 stacked=charts.stacked,
             )
         )
     return mapped
+
+
+def _notes(mesh: Mesh, options: UnwrapOptions, n_tiles: int) -> Iterator[str]:
+    """Yield notes if many faces repeat others, and if the charts leave some of the tiles empty."""
+    if n_tiles < options.tiles and not options.by_group and options.texel_density is None:
+        yield (
+            f"the charts use {n_tiles} of {options.tiles} tiles, because they would not fit at a "
+            "higher texel density"
+        )
+    # No edge of more than two faces joins a chart.
+    n_repeated = mesh.count_polygons(duplicate_faces(weld_vertices(mesh)[mesh.faces]))
+    if n_repeated > _MANY_REPEATED * mesh.n_polygons and not options.keep:
+        yield (
+            f"{n_repeated:,} faces repeat others, so charts end at all their edges; to remove "
+            f"these faces: texbake repair {mesh.name} -o OUT.obj"
+        )
 
 
 def _mapped_classically(part: Mesh, options: UnwrapOptions) -> Projected:
