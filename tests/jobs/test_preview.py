@@ -7,7 +7,7 @@ import texbake
 from tests.glb import glb_bytes, read_glb
 from texbake import Mesh, read_image
 from texbake.mesh.hard_edges import with_normals
-from texbake.mesh.shapes import cube, uv_sphere
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.png_files import write_png
 from texbake.verbs.preview import preview_files
 
@@ -63,6 +63,17 @@ def test_a_mesh_without_normals_is_hard_at_sharp_edges_but_smooth_with_a_normal_
 def test_front_faces_are_shown_without_a_report(drawn):
     assert drawn(HALF, view=(180.0, 0.0)).table() == []
     assert drawn(BALL).table() == []
+
+
+@pytest.mark.parametrize(("side", "rows"), [(0.02, []), (0.2, ["back faces"])])
+def test_back_faces_of_no_share_in_the_figure_are_not_reported(drawn, side, rows):
+    corner = np.array([[0.5, 0.5, 0.1], [0.5, 0.5 + side, 0.1], [0.5 + side, 0.5, 0.1]])
+    mesh = Mesh(
+        positions=np.vstack([plane().positions, corner]),
+        faces=np.vstack([plane().faces, [[4, 5, 6]]]),
+    )
+    done = drawn(mesh, view=(0.0, 0.0), width=300, height=300)
+    assert [label for label, _ in done.table()] == rows
 
 
 @pytest.mark.parametrize("mesh", [HALF, BALL], ids=["open", "closed"])

@@ -161,7 +161,7 @@ class DefaultView:
         if frame.exposure is not None and frame.exposure < 1.0:
             rows.append(("exposure", f"{frame.exposure:.2f}, so that white does not clip"))
         share = self._share_of_backs(frame)
-        if share > 0.0:
+        if round(share, 3) > 0.0:  # else the figure would be 0.0
             cause = "inside out" if self.side == "back" else "open"
             rows.append(
                 ("back faces", f"{100.0 * share:.1f} % of the visible surface; the mesh is {cause}")
