@@ -120,15 +120,15 @@ def test_more_mirror_images_lie_as_mirror_images():
         for each in (neighbors.without_pairs(), neighbors):
             packing = pack_charts(uvs, faces, ids, **options, neighbors=each)
             shares.append(mirrored_share(*packing.uvs.reshape(2, -1, 3, 2)))
-    # Measured: none without the pairs, and 0.5 with them.
+    # Measured: none without the pairs, and 0.56 with them; 0.34 if unmirrored pairs cost nothing.
     without, share = np.mean(np.reshape(shares, (-1, 2)), axis=0)
     assert without < 0.1
-    assert share > 0.3
+    assert share > 0.45
 
 
 def test_straight_mirror_images_lie_as_mirror_images():
     """Charts along u and v only turn by quarters, so that all pairs can be mirrored."""
-    n = 6
+    n = 8
     corners = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]])
     sizes = np.linspace(1.0, 2.0, n)[:, None, None]
     charts = np.concatenate([corners * sizes, (corners * [-1.0, 1.0])[::-1] * sizes])
@@ -144,11 +144,16 @@ def test_straight_mirror_images_lie_as_mirror_images():
         partners=np.concatenate([pairs + n, pairs]),
         mirrors=np.zeros(2 * n),
     )
-    packing = pack_charts(
-        charts.reshape(-1, 2), faces, ids, size=(256, 256), padding=1, neighbors=neighbors
-    )
-    at = packing.uvs.reshape(2, n, 6, 2)
-    assert mirrored_share(at[0], at[1][:, ::-1]) > 0.8
+    shares = []
+    for each in (neighbors.without_pairs(), neighbors):
+        packing = pack_charts(
+            charts.reshape(-1, 2), faces, ids, size=(256, 256), padding=1, neighbors=each
+        )
+        at = packing.uvs.reshape(2, n, 6, 2)
+        shares.append(mirrored_share(at[0], at[1][:, ::-1]))
+    # Measured: 0.5 without the pairs, where half of the quarter turns are right by chance.
+    assert shares[0] < 0.7
+    assert shares[1] > 0.8
 
 
 @pytest.mark.parametrize("quality", ["fast", "good"])
