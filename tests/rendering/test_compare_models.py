@@ -127,6 +127,18 @@ def test_a_model_without_normals_is_hard_at_its_sharp_edges(tmp_path):
     assert found.worst_db == math.inf
 
 
+def test_white_models_share_an_exposure_in_which_they_do_not_clip(tmp_path):
+    white, gray = (painted((v, v, v), tmp_path / f"{v}.glb") for v in (1.0, 0.97))
+    found = compare_models(white, gray, n_views=2, options=SMALL)
+    codes = [
+        np.concatenate([picture.max(axis=2)[24] for picture in pictures]).astype(int)
+        for pictures in (found.before, found.after)
+    ]
+    assert codes[0].max() < 255
+    is_lit = codes[0] > 150
+    assert is_lit.any() and (codes[0] > codes[1])[is_lit].all()
+
+
 def test_images_without_texture_coordinates_are_left_out(tmp_path):
     mesh = cube().replace(uvs=None, uv_faces=None)
     write_mesh(mesh, tmp_path / "a.obj")

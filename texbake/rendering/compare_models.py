@@ -15,6 +15,7 @@ lattices", Mathematical Geosciences 42, 2010, for the views.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,7 @@ from texbake.rendering.camera import Camera
 from texbake.rendering.draw import Prepared, draw, prepare, share_environment
 from texbake.rendering.options import RenderOptions
 from texbake.rendering.render import render_scene
-from texbake.rendering.resolve import Frame, expose
+from texbake.rendering.resolve import Frame, expose, find_exposure
 from texbake.rendering.scene.gltf import read_gltf_scene
 from texbake.rendering.scene.lights import Environment, Lighting
 from texbake.rendering.scene.scene import Scene, camera_of, outline
@@ -50,6 +51,7 @@ _ROOM_PX = 64  # of a face of its cube map; its lamps are wide
 _OUTSIDE = 0.01
 Picture = npt.NDArray[np.uint8]
 _Drawn = tuple[Picture, npt.NDArray[np.bool_]]  # the picture of a view, and the pixels of the model
+_View = tuple[float, float]  # azimuth and elevation in degrees
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,23 +86,39 @@ class ModelToDraw:
 
     scene: Scene
     prepared: Prepared
-    _drawn: dict[tuple[float, float], _Drawn] = field(default_factory=dict)
+    _drawn: dict[tuple[_View, ...], tuple[float, list[_Drawn]]] = field(default_factory=dict)
 
     def in_size(self, size: int) -> ModelToDraw:
         """Return the model for square pictures of another size."""
         options = replace(self.prepared.options, width=size, height=size)
         return ModelToDraw(self.scene, replace(self.prepared, options=options))
 
-    def picture(self, camera: Camera, view: tuple[float, float], *, keeps: bool) -> _Drawn:
-        """Draw a view, or return what it `keeps` of one."""
-        if keeps and view in self._drawn:
-            return self._drawn[view]
-        seen = replace(self.prepared.options, view=(*view, None))
-        frame = draw(replace(self.prepared, options=seen), camera)
-        drawn = _codes(frame), frame.coverage > 0
+    def exposed(
+        self, cameras: Mapping[_View, Camera], *, keeps: bool
+    ) -> tuple[float, list[_Drawn]]:
+        """Draw all views, or return what it `keeps` of them; and their exposure."""
+        views = tuple(cameras)
+        if keeps and views in self._drawn:
+            return self._drawn[views]
+        frames = [self._frame(cameras[view], view) for view in views]
+        exposure = find_exposure(frames)
+        found = exposure, [self._seen(frame, exposure) for frame in frames]
         if keeps:
-            self._drawn[view] = drawn
-        return drawn
+            self._drawn[views] = found
+        return found
+
+    def picture(self, camera: Camera, view: _View, exposure: float) -> _Drawn:
+        """Draw a view."""
+        return self._seen(self._frame(camera, view), exposure)
+
+    def _frame(self, camera: Camera, view: _View) -> Frame:
+        seen = replace(self.prepared.options, view=(*view, None))
+        return draw(replace(self.prepared, options=seen), camera).without_samples()
+
+    def _seen(self, frame: Frame, exposure: float) -> _Drawn:
+        if exposure < 1.0:
+            (frame,) = expose([frame], self.prepared.options, exposure=exposure)
+        return _codes(frame), frame.coverage > 0
 
 
 def model_to_draw(
@@ -136,7 +154,8 @@ def compare_models(
 
     Skins are not applied; a warning says so unless the models shall be `at_rest`. Views are left
     out once the PSNR of all is sure to be below `least_db`: even if each of them had no error and
-    twice as many pixels as those before.
+    twice as many pixels as those before. Where a model is too bright for the room, both are exposed
+    as in previews: whites would hide all differences.
     """
     if n_views < 1:
         raise OptionError(f"n_views: {n_views} is below 1; give at least one view")
@@ -157,14 +176,17 @@ def compare_models(
     if not is_within:
         center, radius = Camera.sphere_around(*shapes[0], *shapes[1])
     views = sphere_views(n_views)
+    cameras = {
+        view: Camera.framing_sphere(center, radius, replace(chosen, view=(*view, None)))
+        for view in views
+    }
     pictures: tuple[list[Picture], list[Picture]] = ([], [])
     errors: list[tuple[float, int]] = []
     with stages.stage("compare pictures", total=n_views, unit="views") as advance:
-        for view in views:
-            camera = Camera.framing_sphere(center, radius, replace(chosen, view=(*view, None)))
-            drawn = [both[0].picture(camera, view, keeps=is_within)]
-            share_environment(both[0].prepared, both[1].prepared)
-            drawn.append(both[1].picture(camera, view, keeps=False))
+        exposure, shown = both[0].exposed(cameras, keeps=is_within)
+        share_environment(both[0].prepared, both[1].prepared)
+        for view, before_it in zip(views, shown, strict=True):
+            drawn = [before_it, both[1].picture(cameras[view], view, exposure)]
             for found, (picture, _) in zip(pictures, drawn, strict=True):
                 found.append(picture)
             (one, covered), (other, also) = drawn

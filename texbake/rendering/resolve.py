@@ -70,7 +70,7 @@ class Frame:
     coverage: FloatImage  # (H, W) float32: share of the pixel's samples that see a surface
     plan: Plan  # passes that were run
     costs: Costs  # time and memory of the passes
-    _visibility: VisibilityBuffer
+    _visibility: VisibilityBuffer | None  # None without samples
     _near: float
     _normals: FloatImage | None = field(default=None)
     sampling: SamplingReport | None = None  # report on adaptive samples, if the options use them
@@ -98,6 +98,7 @@ class Frame:
 
     @cached_property
     def _nearest(self) -> tuple[IntArray, FloatImage]:
+        assert self._visibility is not None
         side = len(self._visibility.face_ids) // self.height
         face_ids = np.full((self.height, self.width), -1, np.int32)
         depths = np.full((self.height, self.width), np.inf, np.float32)
@@ -115,6 +116,10 @@ class Frame:
     def depths(self) -> FloatImage:
         """(H, W) float32: depth of that triangle in model units; infinite for none."""
         return self._nearest[1]
+
+    def without_samples(self) -> Frame:
+        """Return the frame with its pixels alone, which take less memory."""
+        return replace(self, _visibility=None)
 
     def sampling_report(self) -> dict[str, Any]:
         """Return `sampling`, `budget` and `texels`, if present, as JSON values."""
