@@ -484,6 +484,12 @@ def test_balls_that_look_different_share_no_texels(tmp_path, given):
     assert stacked.comparison.mean_db > apart.comparison.mean_db - 2.0
 
 
+def test_a_model_without_texture_coordinates_says_so(tmp_path):
+    write_glb(uv_sphere(8, 12).replace(uvs=None, uv_faces=None), tmp_path / "bare.glb")
+    done = lighten_file(tmp_path / "bare.glb", tmp_path / "light.glb", LightenOptions(views=0))
+    assert dict(done.report.table())["texture coordinates"] == "none"
+
+
 def test_coordinates_cannot_stay_where_no_image_lies_on_them(tmp_path):
     write_glb(uv_sphere(24, 48), tmp_path / "plain.glb")
     with pytest.raises(OptionError, match=r"^uvs: plain\.glb has no images .*; use new$"):

@@ -59,6 +59,7 @@ class LightenReport:
     # what of the model led to new texture coordinates: "" if the options or the number of triangles
     # did, None if its own stay
     why_new_uvs: str | None
+    has_uvs: bool  # whether the result has texture coordinates
     n_materials_before: int
     n_materials: int
     # width and height of the images that were baked; None without any
@@ -80,7 +81,9 @@ class LightenReport:
 
     def table(self) -> list[tuple[str, str]]:
         """Return rows of a label and a figure."""
-        because = f", because the model {self.why_new_uvs}" if self.why_new_uvs else ""
+        uvs = "of the model" if self.has_uvs else "none"
+        if not self.keeps_uvs:
+            uvs = f"new, because the model {self.why_new_uvs}" if self.why_new_uvs else "new"
         rows = [
             ("triangles", f"{self.n_faces_before:,} to {self.n_faces:,}"),
             ("materials", f"{self.n_materials_before:,} to {self.n_materials:,}"),
@@ -89,7 +92,7 @@ class LightenReport:
                 f"{self.n_bytes_before:,} bytes to {self.n_bytes:,}, "
                 f"{100.0 * self.n_bytes / max(self.n_bytes_before, 1):.1f} %",
             ),
-            ("texture coordinates", "of the model" if self.keeps_uvs else f"new{because}"),
+            ("texture coordinates", uvs),
             ("images", ", ".join(self.images) or "none"),
         ]
         if self.size is not None:
@@ -192,6 +195,7 @@ def lighten(
         n_bytes_before=n_bytes_before,
         n_bytes=written_file(output).stat().st_size,
         why_new_uvs=light_model.why_new_uvs,
+        has_uvs=light_model.mesh.uvs is not None,
         n_materials_before=len(materials.materials),
         n_materials=len(written.materials),
         size=light_model.size,
