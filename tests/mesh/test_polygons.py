@@ -119,6 +119,16 @@ def test_polygons_without_area_have_triangles_too():
             assert len(cut(points)) == len(points) - 2
 
 
+@pytest.mark.parametrize("scale", [1e-6, 0.3, 0.7, 3.0, 1e6])
+def test_size_breaks_no_ties(scale):
+    """A regular star has equal diagonals, which differ by rounding."""
+    for n in range(10, 40, 2):
+        angles = 0.1 + np.arange(n) * (2.0 * np.pi / n)
+        radii = np.where(np.arange(n) % 2 == 0, 1.0, 0.6)[:, None]
+        points = radii * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        assert np.array_equal(cut(scale * points), cut(points))
+
+
 def test_vertices_that_are_not_there_are_the_nearest_that_are():
     rng = np.random.default_rng(3)
     points = rng.normal(size=(20, 3))  # the polygons are of the first ten

@@ -27,7 +27,7 @@ struct point {
 
 /* A corner that may be cut off; out of date if the stamp of the corner is another one. */
 struct ear {
-    double length; /* of the diagonal, squared */
+    double length; /* of the diagonal, squared, in whole steps */
     int32_t corner, stamp;
 };
 
@@ -37,6 +37,7 @@ struct ring {
     int64_t start; /* slot of the first corner, counted from that of the file's first one */
     struct point *points;
     struct vector *places;
+    double step; /* squares of lengths are rounded to it, so that size and place break no ties */
     int32_t *before, *after, *stamps;
     bool *is_clipped, *is_blocking;
     int32_t *first_waiting; /* of the ears that a corner blocks */
@@ -144,7 +145,8 @@ static void place_corners(
         farthest = max_f64(farthest, max_f64(max_f64(fabs(at.x), fabs(at.y)), fabs(at.z)));
     }
     int of_places = 0, of_points = 0;
-    frexp(most, &of_places);
+    const double extent = frexp(most, &of_places);
+    ring->step = most > 0.0 ? 0x1p-30 * (extent * extent) : 1.0;
     frexp(farthest, &of_points);
     double normal[3] = {0.0, 0.0, 0.0}, areas[3] = {0.0, 0.0, 0.0};
     for (int32_t i = 0; i < ring->n; i++) {
@@ -338,7 +340,8 @@ static void try_corner(struct ring *ring, int32_t corner)
     const int32_t ear[3] = {ring->before[corner], corner, ring->after[corner]};
     const int32_t blocking = find_blocking(ring, ear);
     if (blocking == NOBODY) {
-        push_ear(ring, (struct ear){squared_length(ring, ear[0], ear[2]), corner, stamp});
+        const double length = rint(squared_length(ring, ear[0], ear[2]) / ring->step);
+        push_ear(ring, (struct ear){length, corner, stamp});
     } else if (ring->next_waiting[corner] == NOWHERE) {
         ring->next_waiting[corner] = ring->first_waiting[blocking];
         ring->first_waiting[blocking] = corner;
