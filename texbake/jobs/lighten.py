@@ -211,21 +211,25 @@ def lighten(
     lines = _once([*warnings, *_growth(model, output, figures), *light_model.warnings], comparison)
     done = JobResult(files=present_paths(output, html), report=figures, warnings=lines)
     if html is not None and comparison is not None:
-        large = _large_pictures(model, output, options, progress)
-        shown = replace(comparison, before=large.before, after=large.after)
+        shown = _in_large_pictures(comparison, model, output, options, progress)
         _write_page(html, shown, done, command)
     return done
 
 
-def _large_pictures(
-    model: PathLike, output: PathLike, options: LightenOptions, progress: Progress
+def _in_large_pictures(
+    comparison: ModelComparison,
+    model: PathLike,
+    output: PathLike,
+    options: LightenOptions,
+    progress: Progress,
 ) -> ModelComparison:
-    """Draw the pictures of a page; those that are measured are smaller."""
+    """Return a comparison with pictures for a page; those that are measured are smaller."""
     size = RenderOptions(width=LARGE_PX, height=LARGE_PX)
-    return compare_models(
+    large = compare_models(
         model, output, n_views=options.views, options=size,
         at_rest=True, threads=options.threads, progress=progress,
     )  # fmt: skip
+    return replace(comparison, before=large.before, after=large.after)
 
 
 def _growth(model: PathLike, output: PathLike, figures: LightenReport) -> list[str]:
