@@ -96,7 +96,7 @@ class ModelToDraw:
     def exposed(
         self, cameras: Mapping[_View, Camera], *, keeps: bool
     ) -> tuple[float, list[_Drawn]]:
-        """Draw all views, or return what it `keeps` of them; and their exposure."""
+        """Return the exposure of all views, and their pictures; `keeps` both for the next call."""
         views = tuple(cameras)
         if keeps and views in self._drawn:
             return self._drawn[views]
@@ -185,8 +185,8 @@ def compare_models(
     with stages.stage("compare pictures", total=n_views, unit="views") as advance:
         exposure, shown = both[0].exposed(cameras, keeps=is_within)
         share_environment(both[0].prepared, both[1].prepared)
-        for view, before_it in zip(views, shown, strict=True):
-            drawn = [before_it, both[1].picture(cameras[view], view, exposure)]
+        for view, original in zip(views, shown, strict=True):
+            drawn = [original, both[1].picture(cameras[view], view, exposure)]
             for found, (picture, _) in zip(pictures, drawn, strict=True):
                 found.append(picture)
             (one, covered), (other, also) = drawn
@@ -234,7 +234,7 @@ def sphere_views(n: int) -> tuple[tuple[float, float], ...]:
 def model_scene(path: PathLike, *, at_rest: bool = False) -> Scene:
     """Read a model file as a scene in the light of a room, without its own lights and cameras.
 
-    A mesh without normals is hard at its sharp edges, as it is baked.
+    A mesh without normals gets hard ones at its sharp edges, as when it is lightened.
     """
     file = written_file(path)
     if file.suffix.lower() in _GLTF:

@@ -125,7 +125,7 @@ def make_atlas(
                 with_rectangles(snap_points(mesh), mesh.faces, charts, most, threads=threads)
                 for mesh, charts in zip(meshes, all_charts, strict=True)
             ]
-    near = find_neighbors(meshes, all_charts, sources)
+    near = find_neighbors(meshes, all_charts, sources, pairs=options.quality == "good")
     return _packed_charts(meshes, all_charts, options, stages, importance, threads, near)[0]
 
 

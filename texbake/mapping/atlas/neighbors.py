@@ -58,14 +58,19 @@ class Neighbors:
 
 
 def find_neighbors(
-    meshes: Sequence[Mesh], all_charts: Sequence[Charts], sources: Sequence[ChartSource]
+    meshes: Sequence[Mesh],
+    all_charts: Sequence[Charts],
+    sources: Sequence[ChartSource],
+    *,
+    pairs: bool,
 ) -> Neighbors:
-    """Find neighbors and mirror images among the charts of meshes that are packed together.
+    """Find neighbors and, if `pairs`, mirror images among charts that are packed together.
 
-    `sources`: those of the charts, none of which are mirror images if it is empty.
+    With `fast`, the mirror images of charts differ by a few faces; with `best`, layouts of pairs
+    fill less. `sources`: those of the charts, none of which are mirror images if it is empty.
     """
     found = [
-        _neighbors_of(mesh, charts, source)
+        _neighbors_of(mesh, charts, source, pairs)
         for mesh, charts, source in itertools.zip_longest(meshes, all_charts, sources)
     ]
     n_uvs = np.cumsum([0, *(len(charts.uvs) for charts in all_charts)])
@@ -83,7 +88,7 @@ def find_neighbors(
     )
 
 
-def _neighbors_of(mesh: Mesh, charts: Charts, source: ChartSource | None) -> Neighbors:
+def _neighbors_of(mesh: Mesh, charts: Charts, source: ChartSource | None, pairs: bool) -> Neighbors:
     points = snap_points(mesh) if source is None else source.surface.points
     corners = weld_rows(points)[mesh.faces] if source is None else source.surface.corners
     solid = charts.solid & (corners != np.roll(corners, 1, axis=1)).all(axis=1)
@@ -101,7 +106,7 @@ def _neighbors_of(mesh: Mesh, charts: Charts, source: ChartSource | None) -> Nei
     lengths = pm.norm(points[heads] - points[tails], axis=1)
     kept, weights = _some_of_each(np.sort(owners[np.stack([edges, across]) // 3], axis=0), lengths)
     partners, mirrors = np.full(charts.n_charts, -1, dtype=np.int32), np.zeros(charts.n_charts)
-    if source and source.joined and charts.stacked is None and source.halves:
+    if pairs and source and charts.stacked is None and source.halves:
         halves = source.halves
         ids = np.flatnonzero(charts.solid).astype(np.int32)
         ids = ids[np.argsort(owners[ids], kind="stable")]

@@ -138,8 +138,6 @@ def pack_charts(
     for the largest; `reshape`: widen thin strips; `neighbors`: charts to place near each other.
     """
     n_charts = int(chart_ids.max()) + 1
-    if neighbors is not None and effort == "best":  # mirrored pairs fill less
-        neighbors = neighbors.without_pairs()
     charts = Outlines(
         uvs=uvs, faces=faces, chart_ids=chart_ids, n_charts=n_charts, neighbors=neighbors
     )
