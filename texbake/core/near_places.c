@@ -343,9 +343,8 @@ static int64_t choose(struct layout *layout, uint64_t *state, int64_t chosen[MOS
     return n;
 }
 
-/* Take charts out and put them back where they cost less, or where they were; return whether they
-   moved. */
-static bool move_some(struct layout *layout, int64_t n, const int64_t chosen[MOST_OUT])
+/* Take charts out and put them back where they cost less, or where they were. */
+static void move_some(struct layout *layout, int64_t n, const int64_t chosen[MOST_OUT])
 {
     struct place *places = layout->places, before[MOST_OUT];
     double cost = 0.0, changed = 0.0;
@@ -368,7 +367,7 @@ static bool move_some(struct layout *layout, int64_t n, const int64_t chosen[MOS
         block(layout, chart, 0, layout->cells.n_rows);
     }
     if (n_placed == n && changed < cost)
-        return true;
+        return;
     struct place tried[MOST_OUT];
     for (int64_t k = 0; k < n; k++) {
         tried[k] = places[chosen[k]];
@@ -379,10 +378,9 @@ static bool move_some(struct layout *layout, int64_t n, const int64_t chosen[MOS
         renew_rows(layout, chosen[k], before[k]);
     for (int64_t k = 0; k < n_placed; k++)
         renew_rows(layout, chosen[k], tried[k]);
-    return false;
 }
 
-/* Move charts until `most_work` is done; return how many times the layout changed. */
+/* Move charts until `most_work` is done. */
 EXPORT int64_t move_nearer(
     int64_t n_spans, int64_t n_reach, int64_t n_charts, int64_t n_orientations, int64_t n_seams,
     const int32_t boxes[n_charts][n_orientations][2], const int32_t spans[n_spans][3],
@@ -406,13 +404,12 @@ EXPORT int64_t move_nearer(
     for (int64_t chart = 0; chart < n_charts; chart++)
         block(&layout, chart, 0, n_rows);
     uint64_t state = 1;
-    int64_t n_changes = 0;
     while (layout.steps < most_work) {
         layout.steps += STEPS_OF_A_TRIAL;
         int64_t chosen[MOST_OUT];
         const int64_t n = choose(&layout, &state, chosen);
-        n_changes += move_some(&layout, n, chosen);
+        move_some(&layout, n, chosen);
     }
     close_arena(arena);
-    return n_changes;
+    return 0;
 }
