@@ -15,7 +15,10 @@ def laid(mesh, most_l2, *, length=np.inf, area=np.inf):
     part = Part(face_ids=np.arange(mesh.n_faces, dtype=np.int32), opposite=opposite)
     lengths = step_lengths(mesh.positions, mesh.faces, opposite)
     total_area = float(surface_areas(mesh.positions[mesh.faces]).sum())
-    limits = ChartLimits(l2=most_l2, length=length, area=area, flat_area=0.0, total_area=total_area)
+    limits = ChartLimits(
+        l2=most_l2, length=length, area=area, flat_area=0.0, total_area=total_area,
+        tiny_area=0.007 * min(area, total_area),
+    )  # fmt: skip
     normals = area_vectors(mesh.positions, mesh.faces)
     weights = np.ones((mesh.n_faces, 3))
     pieces, left = disk_charts(

@@ -321,3 +321,27 @@ def test_a_note_says_that_repeated_faces_cut_charts(quality, step):
     assert f"{ball.n_faces} faces repeat others" in report.notes[-1]
     _, report = unwrap_with_report(ball, quality=quality)
     assert not any("repeat" in note for note in report.notes)
+
+
+def scattered_cubes(n):
+    """Cubes of one size anywhere, turned anyhow."""
+    random = np.random.default_rng(0)
+    turns = np.linalg.qr(random.normal(size=(n, 3, 3)))[0]
+    turns *= np.linalg.det(turns)[:, None, None]
+    box, places = cube(), random.uniform(0.0, 20.0, (n, 1, 3))
+    cubes = zip(turns, places, strict=True)
+    return join_meshes([box.replace(positions=box.positions @ turn + at) for turn, at in cubes])
+
+
+def test_many_equal_parts_that_unfold_without_stretch_are_not_stretched():
+    found = unwrap_with_report(scattered_cubes(300), quality="fast", size=4096)[1].distortion
+    assert found.stretch.l2 < 1.0001
+    assert found.n_charts < 4 * 300  # of 6 sides each
+
+
+def test_a_note_says_that_padding_leaves_no_room():
+    said = {}
+    for padding in (1, 4):
+        _, report = unwrap_with_report(scattered_cubes(200), size=256, padding=padding)
+        said[padding] = any("use a padding of 1" in note for note in report.notes)
+    assert said == {1: False, 4: True}

@@ -234,17 +234,17 @@ static void filter_normals(struct cutting *cutting, double similar)
 
 /* Cut a part into charts of at most `most_l2` stretch, unless dividing does not lower it; return
    their number. Charts longer than `most_length` or larger than `most_area`, or `most_flat_area` where
-   hardly stretched, of a mesh of `total_area`, are divided. `labels` gets the chart of each face, -1
-   without one; `faces` and `uvs` its layout; `n_vertices` the number of coordinates. Creases are where
-   `normals`, of any length, differ; in a bevel they are those of the plane next to it. `lengths` come
-   from `find_step_lengths`, `weights` are those of seams along each side; overlaps up to `depth` do not
-   count. */
+   hardly stretched, of a mesh of `total_area`, are divided; those up to `tiny_area` may join with more
+   stretch. `labels` gets the chart of each face, -1 without one; `faces` and `uvs` its layout;
+   `n_vertices` the number of coordinates. Creases are where `normals`, of any length, differ; in a
+   bevel they are those of the plane next to it. `lengths` come from `find_step_lengths`, `weights` are
+   those of seams along each side; overlaps up to `depth` do not count. */
 EXPORT int64_t cut_charts(
     int64_t n, int64_t n_faces, int64_t n_corners, const double points[n][3],
     const int32_t corners[n_faces][3], const int32_t opposite[3 * n_faces],
     const double normals[n_faces][3], const double lengths[n_faces][3],
     const double weights[n_faces][3], double most_l2, double most_length, double most_area,
-    double most_flat_area, double total_area, double depth, int32_t labels[n_faces],
+    double most_flat_area, double total_area, double tiny_area, double depth, int32_t labels[n_faces],
     int32_t faces[n_faces][3], double uvs[n_corners][2], int64_t n_vertices[1])
 {
     n_vertices[0] = 0;
@@ -254,7 +254,7 @@ EXPORT int64_t cut_charts(
     struct cutting cutting = {
         .arena = arena, .points = points, .corners = corners, .lengths = lengths,
         .weights = weights,
-        .limits = {most_l2, most_length, most_area, most_flat_area, total_area, depth},
+        .limits = {most_l2, most_length, most_area, most_flat_area, total_area, tiny_area, depth},
         .n_faces = n_faces,
         .opposite = TAKE(arena, int32_t, 3 * n_faces),
         .charts = take(arena, 2 * n_faces, sizeof *cutting.charts)};

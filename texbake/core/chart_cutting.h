@@ -31,6 +31,7 @@ struct chart_limits {
     double most_area;   /* a larger one is divided, but for one that is nearly all there is */
     double most_flat_area; /* the same for one that is hardly stretched, if more */
     double total_area;  /* of all charts of the mesh */
+    double tiny_area;   /* of a chart whose stretch hardly counts */
     double depth;       /* overlaps up to this depth do not count */
 };
 

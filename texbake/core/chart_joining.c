@@ -22,7 +22,7 @@
    most with. Joining ends once as many faces have been flattened for it as the part has, times
    `MOST_WORK`; each attempt costs as much as `LEAST_FACES` at least. */
 static const double LEAST_SHARED = 0.2;
-enum { MOST_TRIES = 3, MOST_WORK = 4, LEAST_FACES = 16 };
+enum { MOST_TRIES = 3, MOST_WORK = 4, LEAST_FACES = 3 };
 
 /* A chart that is tiny compared with its neighbor needs only a few steps from the layouts of both,
    at a fraction of the cost. */
@@ -40,12 +40,11 @@ static const double LENGTH_SHARE = 0.65;
 /* It may leave as much of its convex hull empty as the two did, or this share of its area. */
 static const double MOST_WASTE = 0.25;
 
-/* It has at most this share of the largest area, unless one of the two is tiny compared with that:
-   then it may also stretch as much as any chart. */
+/* It has at most this share of the largest area, unless one of the two is tiny: then it may also
+   stretch as much as any chart. */
 static const double AREA_SHARE = 0.4;
-static const double NEXT_TO_NOTHING = 0.007;
 
-/* Largest stretch of a joined chart that is tiny compared with the largest area. */
+/* Largest stretch of a joined chart that is tiny. */
 static const double MOST_INVISIBLE = 1.25;
 
 /* Largest stretch of a face of a joined chart, unless one of the two has more. */
@@ -185,7 +184,7 @@ static void fit_layouts(
 
 static bool is_tiny(const struct cutting *cutting, const struct part *one, const struct part *other)
 {
-    return min_f64(one->area, other->area) <= NEXT_TO_NOTHING * cutting->limits.most_area;
+    return min_f64(one->area, other->area) <= cutting->limits.tiny_area;
 }
 
 /* Flatten two charts as one. */
@@ -275,7 +274,7 @@ static bool is_good(
     const double waste = max_f64(waste_of(one) + waste_of(other), MOST_WASTE * joined->area);
     if (waste_of(joined) > waste)
         return false;
-    const bool is_invisible = joined->area <= NEXT_TO_NOTHING * limits->most_area;
+    const bool is_invisible = joined->area <= limits->tiny_area;
     const double most_l2 = is_invisible ? max_f64(MOST_INVISIBLE, limits->most_l2) : limits->most_l2;
     if (joined->l2 > max_f64(most_l2, max_f64(one->l2, other->l2)))
         return false;

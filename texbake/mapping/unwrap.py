@@ -24,7 +24,7 @@ from texbake.mapping.corner_uvs import (
     with_coordinates,
 )
 from texbake.mapping.distortion import Distortion, distortion, n_used_tiles
-from texbake.mapping.options import METHODS, UnwrapOptions
+from texbake.mapping.options import METHODS, UnwrapOptions, fitting_padding
 from texbake.mapping.options.projection import TransformOptions
 from texbake.mapping.transform import scale_to_density, transform_uvs
 from texbake.mesh.hard_edges import with_normals
@@ -37,6 +37,7 @@ from texbake.records import dataclass
 
 _MARKS = "seams", "protect", "importance"  # what a user gives for the edges and faces of a mesh
 _FARTHEST = 1e12  # tiles from the origin; beyond it, float64 cannot resolve 1/4096 of a tile
+_MUCH_PADDING = 3  # times the padding that fits the number of charts
 _MANY_REPEATED = 0.1  # share of the faces; the charts of fewer are few beside the others
 
 
@@ -273,6 +274,7 @@ def _mapped_by_atlas(
         threads=threads,
     )
     n_tiles = n_used_tiles(np.concatenate([atlas.corners for atlas in atlases]))
+    n_charts = sum(atlas.charts.n_charts for atlas in atlases)
     for part, atlas in zip(parts, atlases, strict=True):
         charts = atlas.charts
         n_stacked = 0 if charts.stacked is None else int(charts.stacked.sum())
@@ -285,7 +287,7 @@ def _mapped_by_atlas(
                     "mirrored charts, flipped": charts.n_mirrored,
                     "charts split off because they overlapped their own chart": charts.n_split,
                 },
-                notes=(*charts.notes, *_notes(part, options, n_tiles)),
+                notes=(*charts.notes, *_notes(part, options, n_tiles, n_charts)),
                 padding=atlas.padding,
                 stacked=charts.stacked,
             )
@@ -293,8 +295,15 @@ def _mapped_by_atlas(
     return mapped
 
 
-def _notes(mesh: Mesh, options: UnwrapOptions, n_tiles: int) -> Iterator[str]:
-    """Yield notes if many faces repeat others, and if the charts leave some of the tiles empty."""
+def _notes(mesh: Mesh, options: UnwrapOptions, n_tiles: int, n_charts: int) -> Iterator[str]:
+    """Yield notes on empty tiles, padding larger than charts, and faces that repeat others."""
+    size, padding = (options.width_px, options.height_px * options.tiles), options.padding or 0
+    fitting = fitting_padding(size, n_charts)
+    if padding > _MUCH_PADDING * fitting and options.texel_density is None:
+        yield (
+            f"{n_charts:,} charts with a padding of {padding} leave little room for texels; use a "
+            f"padding of {fitting}, or a larger size"
+        )
     if n_tiles < options.tiles and not options.by_group and options.texel_density is None:
         yield (
             f"the charts use {n_tiles} of {options.tiles} tiles, because they would not fit at a "

@@ -42,6 +42,9 @@ _BATCH_FACES = 1_000
 _XATLAS_FACES = 20_000
 _PLAIN_FACES = 3_000
 
+# A chart is tiny below this share of the largest area, or less if there are many similar parts.
+_TINY_SHARE = 0.007
+
 # A longer chart would set the scale of all others: most sides of a square as large as all charts.
 _MOST_SIDES = 1.6
 # Faces that are longer than this many sides are a strip, which no cut makes shorter. Shorter faces
@@ -136,8 +139,9 @@ def cut_charts(
         )
     else:
         sizes = _QUALITIES[quality] if surface.seams is None else _AS_MARKED
+        areas = surface_areas(points[corners])
         if area is None:
-            area = float(surface_areas(points[corners[solid]]).sum())
+            area = float(areas[solid].sum())
         # Where charts are joined, joins along bevels are shorter than cuts along all of them.
         normals = surface.bevels.normals if quality == "fast" else area_vectors(points, corners)
         if surface.seams is None:
@@ -156,6 +160,7 @@ def cut_charts(
                 area=sizes.most_share * area,
                 flat_area=sizes.most_flat_share * area,
                 total_area=area,
+                tiny_area=_TINY_SHARE * sizes.most_share * area * _typical_share(areas, opposite),
             ),
             threads=threads,
             advance=advance,
@@ -182,6 +187,12 @@ def _around_strips(
     own, other = np.repeat(lengths, 3), lengths[opposite // 3]
     longer, shorter = np.maximum(own, other), np.minimum(own, other)
     return np.where((longer > strip_length) & (shorter < longer / 2.0), np.int32(-1), opposite)
+
+
+def _typical_share(areas: FloatArray, opposite: IntArray) -> float:
+    """Share of the area in the part of a typical point: 1 of one part, 1/n of n equal ones."""
+    parts = np.bincount(connected_parts(opposite), areas)
+    return float((parts**2).sum() / max(float(parts.sum()) ** 2, np.finfo(float).tiny))
 
 
 def _labels(

@@ -203,6 +203,7 @@ class ChartLimits:
     area: float
     flat_area: float  # the same of a chart that is hardly stretched, if more
     total_area: float  # area of all charts
+    tiny_area: float  # a chart of at most this area may stretch more to join another
 
 
 def disk_charts(
@@ -285,7 +286,8 @@ def _cut(
     n_vertices = np.empty(1, dtype=np.int64)
     n_charts = core.cut_charts(
         points, corners[ids], part.opposite, normals[ids], lengths[ids], weights[ids], limits.l2,
-        limits.length, limits.area, limits.flat_area, limits.total_area, OVERLAP_DEPTH,
+        limits.length, limits.area, limits.flat_area, limits.total_area, limits.tiny_area,
+        OVERLAP_DEPTH,
         labels, faces, uvs, n_vertices,
     )  # fmt: skip
     laid = labels >= 0
