@@ -45,7 +45,7 @@ from texbake.mesh.triangle_tree import (
 from texbake.mesh.weld import weld_rows
 from texbake.records import dataclass
 
-_DROPPED = "small separate parts were dropped"
+_DROPPED = "separate parts were dropped"
 # A result this much under the count is tried again, this often at most.
 SLACK = 0.01
 _TRIES = 6
@@ -175,8 +175,7 @@ def _fast(
         low = _brought_to(n_faces, partial(_gathered, mesh, stream, reduce))
         if low is None:
             continue
-        if CUT in notes and _has_lost_parts(mesh, stream, low):
-            notes = (*notes, _DROPPED)
+        notes += _lost_parts(mesh, stream, low) if CUT in notes else ()
         results.append(Reduction(low, stream, method, notes))
         if not _ENOUGH * n_faces <= low.n_faces <= n_faces:
             continue
@@ -194,8 +193,9 @@ def _fast(
     if len(reached) < 2:
         return min(results, key=lambda result: result.mesh.n_faces)
     distances = [list(_distance_bounds(mesh, low.mesh, threads))[-1][0] for low in reached]
+    is_whole = not any(_DROPPED in note for note in reached[0].notes)
     for place, result in enumerate(reached):
-        if reached[0].mesh.uvs is not None and result.mesh.uvs is None:
+        if is_whole and reached[0].mesh.uvs is not None and result.mesh.uvs is None:
             distances[place] *= _MUCH_CLOSER / _ABOUT_AS_CLOSE
     good = _ABOUT_AS_CLOSE * min(distances)
     return next(
@@ -203,13 +203,17 @@ def _fast(
     )
 
 
-def _has_lost_parts(mesh: Mesh, stream: VertexStream, low: Mesh) -> bool:
-    """Whether separate parts of a stream have no vertex in a mesh that keeps some of them."""
+def _lost_parts(mesh: Mesh, stream: VertexStream, low: Mesh) -> tuple[str, ...]:
+    """Note the separate parts of a stream that have no vertex in a mesh, which keeps some."""
     corners = stream.position_ids[stream.faces]
     parts, n_parts = face_components(corners, mesh.n_vertices)
     places = weld_rows(np.concatenate([mesh.positions, low.positions]))
     is_left = np.isin(places[corners], places[mesh.n_vertices :]).any(axis=1)
-    return len(np.unique(parts[is_left])) < n_parts
+    return _dropped(n_parts - len(np.unique(parts[is_left])), n_parts)
+
+
+def _dropped(n_dropped: int, n_parts: int) -> tuple[str, ...]:
+    return (f"{n_dropped:,} of {n_parts:,} {_DROPPED}",) if n_dropped else ()
 
 
 def _gathered(
@@ -280,8 +284,8 @@ def _attempts(
         apart = with_surfaces_apart(stream) if stream.has_bad_edges else stream
         if apart is not stream:
             yield apart, partial(collapse_stream, apart), _COLLAPSES, (*notes, APART)
-        for large in _without_small_parts(stream, n_faces, collapse) if drops else ():
-            yield large, partial(collapse_stream, large), _COLLAPSES, (*notes, _DROPPED)
+        for large, note in _without_small_parts(stream, n_faces, collapse) if drops else ():
+            yield large, partial(collapse_stream, large), _COLLAPSES, notes + note
         seams_of, mesh = _without_next_seams(mesh, stream, seams)
         if not seams_of:
             break
@@ -317,8 +321,8 @@ def _too_few_for(seams: list[str]) -> str:
 
 def _without_small_parts(
     stream: VertexStream, n_faces: int, collapse: Callable[[int], IntArray]
-) -> Iterator[VertexStream]:
-    """Yield the stream without its smallest parts, with ever more of them."""
+) -> Iterator[tuple[VertexStream, tuple[str, ...]]]:
+    """Yield the stream without its smallest parts, with ever more of them, and notes."""
     corners = stream.vertices[0][stream.faces]
     parts, n_parts = face_components(corners, int(corners.max()) + 1)
     if n_parts == 1:
@@ -330,18 +334,17 @@ def _without_small_parts(
     least = collapse(0) if has_edges and len(least) <= n_faces else least
     fewest = np.bincount(part_of[least[:, 0]], minlength=n_parts)
     low, high = np.full((n_parts, 3), np.inf), np.full((n_parts, 3), -np.inf)
-    for corner in range(3):
-        np.minimum.at(low, parts, stream.points[stream.faces[:, corner]])
-        np.maximum.at(high, parts, stream.points[stream.faces[:, corner]])
+    corner_points = stream.points[stream.faces.ravel()]
+    np.minimum.at(low, np.repeat(parts, 3), corner_points)
+    np.maximum.at(high, np.repeat(parts, 3), corner_points)
     order = np.argsort(-(high - low).max(axis=1), kind="stable")
     sums = np.cumsum(fewest[order])
     n_before = 0
     for share in _PARTS_SHARES:
         n_kept = int(np.searchsorted(sums, share * n_faces, side="right"))
         if n_before < n_kept < n_parts:
-            kept = np.zeros(n_parts, dtype=bool)
-            kept[order[:n_kept]] = True
-            yield stream.restricted(stream.faces[kept[parts]])
+            kept = stream.faces[np.isin(parts, order[:n_kept])]
+            yield stream.restricted(kept), _dropped(n_parts - n_kept, n_parts)
         n_before = n_kept
 
 
