@@ -18,7 +18,7 @@ from texbake.mapping.unwrap import unwrap_together, unwrap_with_report
 from texbake.mesh.compose import join_meshes
 from texbake.mesh.distance import area_vectors
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, plane
-from texbake.mesh.topology import opposite_half_edges
+from texbake.mesh.topology import find_edges, opposite_half_edges
 from texbake.mesh.weld import weld_rows
 from texbake.progress import ProgressSink
 
@@ -321,6 +321,18 @@ def test_a_note_says_that_repeated_faces_cut_charts(quality, step):
     assert f"{ball.n_faces} faces repeat others" in report.notes[-1]
     _, report = unwrap_with_report(ball, quality=quality)
     assert not any("repeat" in note for note in report.notes)
+
+
+def test_a_note_says_that_faces_in_opposite_directions_end_charts():
+    ball = icosphere(3)
+    is_flipped = np.random.default_rng(0).uniform(size=ball.n_faces) < 0.5
+    mixed = ball.replace(faces=np.where(is_flipped[:, None], ball.faces[:, ::-1], ball.faces))
+    _, report = unwrap_with_report(mixed, quality="fast")
+    edges = find_edges(mixed.faces)
+    said = f"opposite directions at {edges.misoriented.sum()} edges, so charts end there"
+    assert said in report.notes[-1]
+    _, report = unwrap_with_report(ball, quality="fast")
+    assert report.notes == ()
 
 
 def scattered_cubes(n):

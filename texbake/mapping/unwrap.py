@@ -31,14 +31,14 @@ from texbake.mesh.hard_edges import with_normals
 from texbake.mesh.interchange import MeshLike, as_mesh
 from texbake.mesh.mesh import BoolArray, Mesh, UvSet
 from texbake.mesh.objects import weld_vertices
-from texbake.mesh.topology import duplicate_faces
+from texbake.mesh.topology import duplicate_faces, find_edges
 from texbake.progress import Progress, StageRecord, Stages
 from texbake.records import dataclass
 
 _MARKS = "seams", "protect", "importance"  # what a user gives for the edges and faces of a mesh
 _FARTHEST = 1e12  # tiles from the origin; beyond it, float64 cannot resolve 1/4096 of a tile
 _MUCH_PADDING = 3  # times the padding that fits the number of charts
-_MANY_REPEATED = 0.1  # share of the faces; the charts of fewer are few beside the others
+_MANY_ODD = 0.1  # per face; fewer charts, faces or edges are few beside the others
 
 
 def unwrap(
@@ -296,7 +296,12 @@ def _mapped_by_atlas(
 
 
 def _notes(mesh: Mesh, options: UnwrapOptions, n_tiles: int, n_charts: int) -> Iterator[str]:
-    """Yield notes on empty tiles, padding larger than charts, and faces that repeat others."""
+    """Yield notes on empty tiles, padding larger than charts, and faces that end charts."""
+    if n_tiles < options.tiles and not options.by_group and options.texel_density is None:
+        yield (
+            f"the charts use {n_tiles} of {options.tiles} tiles, because they would not fit at a "
+            "higher texel density"
+        )
     size, padding = (options.width_px, options.height_px * options.tiles), options.padding or 0
     fitting = fitting_padding(size, n_charts)
     if padding > _MUCH_PADDING * fitting and options.texel_density is None:
@@ -304,17 +309,21 @@ def _notes(mesh: Mesh, options: UnwrapOptions, n_tiles: int, n_charts: int) -> I
             f"{n_charts:,} charts with a padding of {padding} leave little room for texels; use a "
             f"padding of {fitting}, or a larger size"
         )
-    if n_tiles < options.tiles and not options.by_group and options.texel_density is None:
-        yield (
-            f"the charts use {n_tiles} of {options.tiles} tiles, because they would not fit at a "
-            "higher texel density"
-        )
-    # No edge of more than two faces joins a chart.
-    n_repeated = mesh.count_polygons(duplicate_faces(weld_vertices(mesh)[mesh.faces]))
-    if n_repeated > _MANY_REPEATED * mesh.n_polygons and not options.keep:
+    if n_charts < _MANY_ODD * mesh.n_polygons or options.keep:
+        return
+    corners = weld_vertices(mesh)[mesh.faces]
+    # No edge of more than two faces joins charts, nor does one of faces wound in opposite ways.
+    n_repeated = mesh.count_polygons(duplicate_faces(corners))
+    if n_repeated > _MANY_ODD * mesh.n_polygons:
         yield (
             f"{n_repeated:,} faces repeat others, so charts end at all their edges; to remove "
             f"these faces: texbake repair {mesh.name} -o OUT.obj"
+        )
+    n_misoriented = int(find_edges(corners).misoriented.sum())
+    if n_misoriented > _MANY_ODD * mesh.n_polygons:
+        yield (
+            f"neighboring faces point in opposite directions at {n_misoriented:,} edges, so charts "
+            f"end there; to flip the minority: texbake repair {mesh.name} -o OUT.obj"
         )
 
 
