@@ -357,3 +357,9 @@ def test_a_note_says_that_padding_leaves_no_room():
         _, report = unwrap_with_report(scattered_cubes(200), size=256, padding=padding)
         said[padding] = any("use a padding of 1" in note for note in report.notes)
     assert said == {1: False, 4: True}
+
+
+@pytest.mark.parametrize("quality", ["fast", "good", "best"])
+def test_no_quad_is_cut_along_its_diagonal(quality):
+    quads = [plane(1, 1).replace(positions=plane(1, 1).positions * k + 9.0 * k) for k in (1, 2, 6)]
+    assert distortion(unwrap(join_meshes(quads), quality=quality)).n_charts == 3
