@@ -360,6 +360,10 @@ def test_a_note_says_that_padding_leaves_no_room():
 
 
 @pytest.mark.parametrize("quality", ["fast", "good", "best"])
-def test_no_quad_is_cut_along_its_diagonal(quality):
-    quads = [plane(1, 1).replace(positions=plane(1, 1).positions * k + 9.0 * k) for k in (1, 2, 6)]
-    assert distortion(unwrap(join_meshes(quads), quality=quality)).n_charts == 3
+@pytest.mark.parametrize(("steps", "sizes"), [(1, (1, 2, 6)), (3, (1,) * 7)])
+def test_separate_plates_stay_whole(steps, sizes, quality):
+    plate = plane(steps, steps)
+    plates = [
+        plate.replace(positions=plate.positions * k + 9.0 * k * i) for i, k in enumerate(sizes)
+    ]
+    assert distortion(unwrap(join_meshes(plates), quality=quality)).n_charts == len(sizes)

@@ -271,8 +271,14 @@ EXPORT int64_t cut_charts(
     cutting.is_noisy = rough > 0.0;
     if (cutting.is_noisy)
         filter_normals(&cutting, max_f64(SIMILAR, 2.0 * rough));
-    lay_out(&cutting, &whole);
-    cut(&cutting, &whole, 0);
+    if (is_connected(&cutting, &whole)) {
+        lay_out(&cutting, &whole);
+        cut(&cutting, &whole, 0);
+    } else {
+        divide(&cutting, &whole);
+        for (int64_t i = 0; i < whole.n_halves; i++)
+            cut(&cutting, &whole.halves[i], 0);
+    }
     join_charts(&cutting);
     int64_t n_charts = 0;
     n_vertices[0] = write_charts(&cutting, labels, faces, uvs, &n_charts);

@@ -95,7 +95,9 @@ void measure_hull(struct part *part);
 bool packs_well(const struct cutting *cutting, const struct part *part);
 struct part *divide_layout(const struct cutting *cutting, const struct part *part, int64_t *n_parts);
 
-/* part_division.c: divide a part in pieces, along creases, or in halves, and flatten each. */
+/* part_division.c: whether a part is one piece; divide a part in pieces, along creases, or in halves,
+   and flatten each. */
+bool is_connected(const struct cutting *cutting, const struct part *part);
 void divide(const struct cutting *cutting, struct part *part);
 
 /* Move the borders between labels of the faces of a part, by the weights of edges. */

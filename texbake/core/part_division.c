@@ -314,6 +314,14 @@ void straighten(const struct cutting *cutting, const struct part *part, int32_t 
     reset_arena(arena, mark);
 }
 
+bool is_connected(const struct cutting *cutting, const struct part *part)
+{
+    const arena_mark mark = mark_arena(cutting->arena);
+    const int32_t n_pieces = label_pieces(part, TAKE(cutting->arena, int32_t, part->n_faces));
+    reset_arena(cutting->arena, mark);
+    return n_pieces == 1;
+}
+
 void divide(const struct cutting *cutting, struct part *part)
 {
     if (part->halves || part->n_faces < 2)
