@@ -12,7 +12,13 @@ from texbake.errors import MeshError, OptionError
 from texbake.mesh.compose import excerpt, join_meshes
 from texbake.mesh.decimate import gather, shading_length, weld_corners
 from texbake.mesh.distance import surface_distance
-from texbake.mesh.hard_edges import is_flat_shaded, with_normals
+from texbake.mesh.hard_edges import (
+    has_hard_edges,
+    inner_edges,
+    is_flat_shaded,
+    normals_jump,
+    with_normals,
+)
 from texbake.mesh.mesh import Mesh
 from texbake.mesh.normals import face_normals
 from texbake.mesh.objects import face_objects, joined_objects, object_names
@@ -23,7 +29,7 @@ from texbake.mesh.reduction import APART, CUT
 from texbake.mesh.shapes import cube, grid_sphere, icosphere, orange, plane, uv_sphere
 from texbake.mesh.simplify import Trial, search_fewest, simplify, simplify_with_report
 from texbake.mesh.topology import face_components, find_edges, genus
-from texbake.mesh.triangle_tree import TriangleTree, with_source_normals
+from texbake.mesh.triangle_tree import TriangleTree, with_source_hard_edges, with_source_normals
 
 BOTH = pytest.mark.parametrize("quality", QUALITIES)
 
@@ -495,14 +501,44 @@ def test_the_winding_of_faces_changes_nothing_and_goes_with_them(mesh, quality):
 
 
 @BOTH
-def test_texture_coordinates_without_any_area_are_left_out(quality):
+@pytest.mark.parametrize("seams", ["auto", "keep"])
+def test_points_of_a_palette_stay(quality, seams):
     mesh = icosphere(4)
-    uv_faces = np.random.default_rng(6).integers(0, 2, size=mesh.faces.shape)
-    low, report = simplify_with_report(
-        mesh.replace(uvs=[[0.0, 0.0], [0.1, 0.1]], uv_faces=uv_faces), 300, quality=quality
+    is_upper = mesh.positions[mesh.faces, 2].mean(axis=1) > 0.0
+    uv_faces = np.repeat(is_upper[:, None], 3, axis=1).astype(np.int32)
+    mesh = mesh.replace(uvs=[[0.1, 0.1], [0.9, 0.1]], uv_faces=uv_faces)
+    low, report = simplify_with_report(mesh, 300, quality=quality, seams=seams)
+    assert low.n_faces == 300 and report.notes == ()
+    assert np.array_equal(
+        low.corner_uvs()[:, :, 0] > 0.5,
+        np.repeat(low.positions[low.faces, 2].mean(axis=1, keepdims=True) > 0.0, 3, axis=1),
     )
-    assert_same(low, simplify(mesh, 300, quality=quality))
-    assert report.notes == ("the texture coordinates, where no face has an area, were left out",)
+
+
+@BOTH
+def test_mirrored_texture_coordinates_change_sides_where_they_did(quality):
+    hill = plane(40, 40, lambda x, y: 0.2 * np.sin(7.0 * x + 1.0) * np.cos(5.0 * y))
+    x, y, _ = hill.positions.T
+    uvs = np.stack([np.abs(x - 0.5), y], axis=1)
+    low, report = simplify_with_report(
+        hill.replace(uvs=uvs, uv_faces=hill.faces), 300, quality=quality
+    )
+    assert low.n_faces == 300 and report.notes == ()
+    sides = low.positions[low.faces, 0] - 0.5
+    assert (sides.min(axis=1) > -1e-3).sum() + (sides.max(axis=1) < 1e-3).sum() == low.n_faces
+
+
+def test_simplified_meshes_get_the_hard_edges_of_their_source():
+    tube = with_normals(make("cylinder", resolution=(64, 8), caps=True), "angle", angle=30.0)
+    low = with_source_hard_edges(simplify(tube.replace(normals=None, normal_faces=None), 60), tube)
+    one, other = inner_edges(low)
+    heights = low.positions[low.faces][..., 1].mean(axis=1)
+    is_cap = np.ptp(low.positions[low.faces][..., 1], axis=1) < 1e-9
+    is_rim = is_cap[one // 3] != is_cap[other // 3]
+    assert is_rim.sum() > 10 and np.ptp(heights) > 1.0
+    assert np.array_equal(normals_jump(low, one, other), is_rim)
+    ball = icosphere(1)
+    assert not has_hard_edges(with_source_hard_edges(ball, icosphere(4)))
 
 
 @BOTH

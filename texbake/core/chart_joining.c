@@ -22,7 +22,7 @@
    most with. Joining ends once as many faces have been flattened for it as the part has, times
    `MOST_WORK`; each attempt costs as much as `LEAST_FACES` at least. */
 static const double LEAST_SHARED = 0.2;
-enum { MOST_TRIES = 3, MOST_WORK = 4, LEAST_FACES = 3 };
+enum { MOST_TRIES = 3, MOST_WORK = 4, LEAST_FACES = 8 };
 
 /* A chart that is tiny compared with its neighbor needs only a few steps from the layouts of both,
    at a fraction of the cost. */

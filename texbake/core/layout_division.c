@@ -54,7 +54,7 @@ static int compare_keys(const void *one, const void *other)
 bool packs_well(const struct cutting *cutting, const struct part *part)
 {
     const struct chart_limits *limits = &cutting->limits;
-    if (part->l2 <= FLAT && part->n_faces == 2)
+    if (part->l2 <= FLAT && part->n_faces == 2 && part->length <= limits->most_length)
         return true; /* a quad is not cut along its diagonal */
     const bool is_flat = part->l2 <= FLAT && limits->most_flat_area > limits->most_area;
     const double most_area = is_flat ? limits->most_flat_area : limits->most_area;

@@ -30,6 +30,8 @@ _FACES_OF_A_VERTEX = 4  # of a surface there are about two
 # normals. With far less, pictures of five models are 0.4 dB closer to 0.4 dB less close.
 _SHADING = 0.016
 
+_MIRRORED_SHARE = 0.05  # of the texture; less is mirrored by accident, in folds
+
 # A boundary is simplified like the rest where keeping all of it would take up more than this part
 # of the faces, or this part more than simplifying it.
 _BOUNDARY_SHARE, _BOUNDARY_COST = 0.25, 0.05
@@ -103,9 +105,8 @@ class VertexStream:
 
     def without_copies(self) -> VertexStream:
         """Stream without faces that repeat an earlier one, wound alike."""
-        turns = (self.faces.argmin(axis=1)[:, None] + np.arange(3)) % 3
-        copies = later_copies(np.take_along_axis(self.faces, turns, axis=1))
-        return self.restricted(self.faces[~copies]) if copies.any() else self
+        is_kept = _is_first_of_its_kind(self.faces)
+        return self if is_kept.all() else self.restricted(self.faces[is_kept])
 
     def of_positions(self) -> VertexStream:
         """Stream of the positions alone, each a vertex once, without repeated faces."""
@@ -191,7 +192,9 @@ def weld_corners(
     places = mesh.faces if is_first else firsts[mesh.faces]
     columns, is_smooth = {}, False
     if mesh.uvs is not None:
-        columns["uv_ids"] = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
+        # The lowest bit tells the sides of a mirror line apart, which share their coordinates.
+        uv_ids = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
+        columns["uv_ids"] = 2 * uv_ids + _mirrored(mesh)[:, None].astype(np.int32)
     if mesh.normals is not None:
         normals = weld_rows(mesh.normals, threads=threads)[mesh.normal_faces]
         normal_of = np.empty(mesh.n_vertices, dtype=np.int32)
@@ -202,12 +205,22 @@ def weld_corners(
     if mesh.face_groups is not None and has_borders(mesh):
         columns["group_ids"] = np.repeat(mesh.face_groups[:, None], 3, axis=1)
     stream = _weld(mesh, places, columns, threads)
+    if stream.uv_ids is not None:
+        stream = replace(stream, uv_ids=stream.uv_ids >> 1)
     if importance is not None:
         stream = replace(stream, importance=importance[stream.position_ids])
     if not shades:
         return stream
     shading = float(UnitGrid.around(mesh).length_to_grid(shades))
     return replace(stream, normals=mesh.normals, shading=shading, is_smooth=is_smooth)
+
+
+def _mirrored(mesh: Mesh) -> BoolArray:
+    """(F,) faces that are mirrored in the texture, if these and the others cover much of it."""
+    (ux, uy), (vx, vy) = np.diff(mesh.corner_uvs(), axis=1).transpose(1, 2, 0)
+    areas = ux * vy - uy * vx
+    share = -float(areas[areas < 0.0].sum()) / (float(np.abs(areas).sum()) or 1.0)
+    return np.asarray(areas < 0.0) & (_MIRRORED_SHARE <= share <= 1.0 - _MIRRORED_SHARE)
 
 
 def _weld(
@@ -279,10 +292,8 @@ def gather(mesh: Mesh, stream: VertexStream, faces: IntArray) -> Mesh | None:
 
 def _is_first_of_its_kind(faces: IntArray) -> BoolArray:
     """False for a face that repeats one before it, its corners in the same cyclic order."""
-    turns = np.argmin(faces, axis=1)
-    rows = np.arange(len(faces))
-    turned = np.stack([faces[rows, (turns + step) % 3] for step in range(3)], axis=1)
-    return np.asarray(weld_rows(turned) == rows)
+    turns = (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3
+    return np.asarray(~later_copies(np.take_along_axis(faces, turns, axis=1)))
 
 
 def _without_stacks(faces: IntArray, places: IntArray, n_vertices: int) -> IntArray:

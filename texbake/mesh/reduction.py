@@ -111,11 +111,6 @@ def reduced(
     if is_flat_shaded(mesh, threads=threads):
         bare = mesh.replace(normals=None, normal_faces=None)
         return noted(again(bare), "the normals are those of the facets, so no edge counts as hard")
-    if _is_without_charts(mesh):
-        bare = mesh.replace(uvs=None, uv_faces=None)
-        return noted(
-            again(bare), "the texture coordinates, where no face has an area, were left out"
-        )
     stream = weld_corners(mesh, shades=shades, importance=importance, threads=threads)
     start = bring_down(stream, n_faces, threads=threads)
     if gather(mesh, start, start.faces) is None:
@@ -138,16 +133,6 @@ def reduced(
     return replace(
         result, mesh=object_by_object(with_nearest_attributes(reduced_mesh, mesh, threads))
     )
-
-
-def _is_without_charts(mesh: Mesh) -> bool:
-    """Whether no face has an area in texture space, so that there is nothing to keep apart."""
-    if mesh.uvs is None or mesh.uv_faces is None:
-        return False
-    uvs = mesh.uvs / (np.abs(mesh.uvs).max() or 1.0)  # whatever their size, no area overflows
-    a, b, c = (uvs[mesh.uv_faces[:, corner]] for corner in range(3))
-    areas = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
-    return not areas.any()
 
 
 def _why_not(result: Reduction, n_faces: int) -> str | None:

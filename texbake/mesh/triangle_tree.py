@@ -10,9 +10,11 @@ import numpy.typing as npt
 
 from texbake.core import core, portable_math as pm
 from texbake.mesh.frame import LocalFrame
+from texbake.mesh.hard_edges import hardened, inner_edges
 from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh
-from texbake.mesh.normals import face_normals, shading_normals
+from texbake.mesh.normals import angles_between, face_normals, shading_normals
 from texbake.mesh.objects import face_objects, object_groups
+from texbake.mesh.topology import next_half_edges
 from texbake.mesh.weld import row_sums, without_copies
 from texbake.parallel import run_bands
 from texbake.records import dataclass
@@ -221,23 +223,19 @@ def with_nearest_motion(mesh: Mesh, source: Mesh, threads: int | None = None) ->
 
 
 # Points at which corners take their normals lie this far towards the middle of their face, so that
-# the two sides of a hard edge stay apart.
-_INWARDS = 1.0 / 64.0
+# the two sides of a hard edge stay apart; farther to find hard edges, which have moved a little.
+_INWARDS, _FAR_INWARDS = 1.0 / 64.0, 0.25
 # Least cosine between a face and a normal of the source; others belong to another layer.
 _ALIKE = 0.2
+# Normals of the source jump by at least this many radians at a hard edge, and by this share of the
+# angle between the faces; on a curve, they turn by less from one point to the other.
+_LEAST_JUMP, _JUMP_SHARE = 0.1, 0.6
 
 
 def with_source_normals(mesh: Mesh, source: Mesh, *, threads: int | None = None) -> Mesh:
     """Give a simplified mesh the normals of its source, shared as before, where they fit."""
     normals, rows = shading_normals(mesh, threads=threads)
-    of_source, source_rows = shading_normals(source, threads=threads)
-    frame = LocalFrame.around(source)
-    tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
-    corners = frame.to_local(mesh.positions)[mesh.faces]
-    points = corners + (corners.mean(axis=1, keepdims=True) - corners) * _INWARDS
-    _, nearest, weights = tree.closest_points(points.reshape(-1, 3), threads=threads)
-    found = pm.vecmat(weights, of_source[source_rows[nearest]])
-    found /= np.maximum(pm.norm(found, axis=1, keepdims=True), 1e-12)
+    found = _normals_at_corners(mesh, source, _INWARDS, threads)
     sides = np.repeat(face_normals(mesh, threads=threads), 3, axis=0)
     fits = pm.vecdot(found, sides) > _ALIKE
     sums = row_sums(rows.ravel()[fits], found[fits], len(normals))
@@ -245,3 +243,31 @@ def with_source_normals(mesh: Mesh, source: Mesh, *, threads: int | None = None)
     # 0.5: shorter sums have no normal that fits, or normals that cancel each other out.
     new = np.where(lengths > 0.5, sums / np.maximum(lengths, 1e-12), normals)
     return mesh.replace(normals=new, normal_faces=rows, tangents=None)
+
+
+def with_source_hard_edges(mesh: Mesh, source: Mesh, *, threads: int | None = None) -> Mesh:
+    """Give a simplified mesh new normals that are hard where those of its source jump."""
+    found = _normals_at_corners(mesh, source, _FAR_INWARDS, threads)
+    sides = face_normals(mesh, threads=threads)
+    of_corners = np.repeat(sides, 3, axis=0)
+    found = np.where(pm.vecdot(found, of_corners)[:, None] > _ALIKE, found, of_corners)
+    one, other = inner_edges(mesh)
+    ends = (one, next_half_edges(other)), (next_half_edges(one), other)
+    jumps = np.minimum(*(angles_between(found[a], found[b]) for a, b in ends))
+    turns = angles_between(sides[one // 3], sides[other // 3])
+    is_hard = (jumps > _LEAST_JUMP) & (jumps > _JUMP_SHARE * turns)
+    return hardened(mesh, one, other, is_hard)
+
+
+def _normals_at_corners(
+    mesh: Mesh, source: Mesh, inwards: float, threads: int | None
+) -> FloatArray:
+    """(3 F, 3) unit normals of the closest points of a source to the corners of a mesh."""
+    of_source, source_rows = shading_normals(source, threads=threads)
+    frame = LocalFrame.around(source)
+    tree = TriangleTree.build(frame.to_local(source.positions), source.faces, threads=threads)
+    corners = frame.to_local(mesh.positions)[mesh.faces]
+    points = corners + (corners.mean(axis=1, keepdims=True) - corners) * inwards
+    _, nearest, weights = tree.closest_points(points.reshape(-1, 3), threads=threads)
+    found = pm.vecmat(weights, of_source[source_rows[nearest]])
+    return np.asarray(found / np.maximum(pm.norm(found, axis=1, keepdims=True), 1e-12))

@@ -211,12 +211,12 @@ def _level(
     from texbake.jobs.mesh_output import MaterialPartition, write_result
     from texbake.mapping.overlap import layout_notes
     from texbake.mesh.compose import excerpt
-    from texbake.mesh.hard_edges import with_normals
+    from texbake.mesh.hard_edges import has_hard_edges, with_normals
     from texbake.mesh.objects import object_by_object
     from texbake.mesh.part_sizes import simplified_once
     from texbake.mesh.repeated_parts import RepeatedParts
     from texbake.mesh.simplify import check_count, measured_to, simplify_with_report
-    from texbake.mesh.triangle_tree import with_nearest_attributes
+    from texbake.mesh.triangle_tree import with_nearest_attributes, with_source_hard_edges
     from texbake.mesh.wrapping import wraps
 
     repeated = None
@@ -259,6 +259,8 @@ def _level(
         check_count(figures.n_faces, count, high.name, remedy)
     notes = (*figures.notes, *layout_notes(low, high, threads=threads))
     figures = replace(figures, notes=notes)
+    if options.normals == "keep" and low.normals is None and has_hard_edges(given):
+        low = with_source_hard_edges(low, given, threads=threads)
     low = with_normals(low, options.normals, angle=options.angle)
     if repeated is not None:
         low, faces = repeated.restored(low)
