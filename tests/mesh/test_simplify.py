@@ -473,6 +473,16 @@ def test_vertices_at_one_place_are_joined_and_repeated_faces_go(mesh, quality):
 
 
 @BOTH
+def test_vertices_that_differ_by_rounding_leave_no_crack(quality):
+    ball = icosphere(4)
+    x = ball.positions[ball.faces, 0].mean(axis=1)
+    halves = [excerpt(ball, x < 0.0), excerpt(ball, x >= 0.0)]
+    halves[1] = halves[1].replace(positions=halves[1].positions * (1.0 + 1e-15))
+    low = simplify(joined(*halves), 200, quality=quality)
+    assert low.n_faces == 200 and not open_edges(low)
+
+
+@BOTH
 def test_where_parts_must_go_most_faces_are_left_to_the_large_ones(quality):
     places = np.random.default_rng(5).uniform(-2.0, 2.0, size=(200, 3))
     crumbs = (moved(icosphere(1), scale=0.01, by=place) for place in places)

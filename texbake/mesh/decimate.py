@@ -187,9 +187,9 @@ def weld_corners(
     If `shades`, a length that counts as much as a radian, is not 0, it has the mesh's normals.
     `importance` (V,) float64 is what errors at vertices count by.
     """
-    firsts = weld_vertices(mesh, threads=threads)
-    is_first = np.array_equal(firsts, np.arange(len(firsts), dtype=np.int32))
-    places = mesh.faces if is_first else firsts[mesh.faces]
+    grid = UnitGrid.around(mesh)  # where vertices that differ by rounding are one
+    firsts = weld_vertices(mesh.replace(positions=grid.to_grid(mesh.positions)), threads=threads)
+    places = firsts[mesh.faces]
     columns, is_smooth = {}, False
     if mesh.uvs is not None:
         # The lowest bit tells the sides of a mirror line apart, which share their coordinates.
@@ -211,7 +211,7 @@ def weld_corners(
         stream = replace(stream, importance=importance[stream.position_ids])
     if not shades:
         return stream
-    shading = float(UnitGrid.around(mesh).length_to_grid(shades))
+    shading = float(grid.length_to_grid(shades))
     return replace(stream, normals=mesh.normals, shading=shading, is_smooth=is_smooth)
 
 
