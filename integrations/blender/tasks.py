@@ -121,9 +121,7 @@ def bake(
     program = PROGRAMS[options.pop("target")]
     matrix = low[0]["matrix"]
     chosen = BakeOptions(
-        **{**options, "maps": tuple(options["maps"])},
-        convention=program.convention,
-        vertex_colors="linear",
+        **{**options, "maps": tuple(options["maps"])}, convention=program.convention
     )
     cages = in_space_of(cage, matrix)
     result = baked_maps(

@@ -55,7 +55,7 @@ def test_misses_are_reported_and_only_colors_go_on_into_them(fill, size):
     blue = np.broadcast_to(np.float32([0.1, 0.2, 0.9]), (high.n_vertices, 3))
     options = BakeOptions(
         maps=("normal", "vertex-color", "displacement"), size=size, front=reach, back=reach,
-        fill=fill, space="object", vertex_colors="linear",
+        fill=fill, space="object",
     )  # fmt: skip
     result = bake(high.replace(colors=blue), plane(), options)
     report, half = result.report, size // 2

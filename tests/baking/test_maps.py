@@ -5,12 +5,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from texbake import BakeOptions, Mesh, OptionError, bake, read_image, write_image
+from texbake import (
+    BakeOptions,
+    Mesh,
+    OptionError,
+    bake,
+    read_image,
+    read_mesh,
+    write_image,
+    write_mesh,
+)
 from texbake.baking.codings import id_colors
 from texbake.baking.maps import DEFAULT_PATTERN, MAP_NAMES, MAPS, map_file_names
 from texbake.errors import MeshError
+from texbake.mesh.files.conversion import linear_colors
 from texbake.mesh.materials import CHANNELS, ChannelImage, ChannelSource, Materials, MeshMaterial
 from texbake.mesh.shapes import plane, uv_sphere
+from texbake.texture.encoding import decode_srgb
 
 N = 64
 CENTERS = (np.arange(N) + 0.5) / N
@@ -160,19 +171,24 @@ def test_linear_vertex_colors_are_baked_unchanged():
 
 
 def test_vertex_colors_of_scans_keep_their_codes(tmp_path):
-    codes = np.array([[200, 30, 7], [200, 30, 7], [200, 30, 7], [200, 30, 7]], dtype=np.float32)
-    high = plane().replace(colors=codes / 255.0)
+    codes = np.uint8([[200, 30, 7]] * 4)
+    high = plane().replace(colors=linear_colors(codes))
     item = baked(high, "vertex-color")["vertex-color"]
     assert item.write(tmp_path / "c.png").bits == 8
     stored = np.rint(read_image(tmp_path / "c.png", color=False).pixels * 255.0)
     assert (stored == codes[0]).all()
 
 
-@pytest.mark.parametrize(("name", "is_srgb"), [("a.ply", True), ("a.GLB", False)])
-def test_only_gltf_has_linear_vertex_colors(name, is_srgb):
-    assert BakeOptions().colors_are_srgb(name) == is_srgb
-    assert not BakeOptions(vertex_colors="linear").colors_are_srgb(name)
-    assert BakeOptions(vertex_colors="srgb").colors_are_srgb(name)
+@pytest.mark.parametrize("suffix", [".ply", ".glb"])
+def test_options_say_how_the_file_codes_vertex_colors(tmp_path, suffix):
+    colors = linear_colors(np.uint8([[60, 60, 60]] * 4))
+    write_mesh(plane().replace(colors=colors), tmp_path / f"a{suffix}")
+    high = read_mesh(tmp_path / f"a{suffix}")
+    stored = 60 / 255 if suffix == ".ply" else colors[0, 0]
+    expected = {"auto": colors[0, 0], "linear": stored, "srgb": decode_srgb(stored)}
+    for coding, value in expected.items():
+        found = baked(high, "vertex-color", vertex_colors=coding)["vertex-color"].values
+        np.testing.assert_allclose(found, value, rtol=1e-5)
 
 
 def image_bytes(tmp_path, pixels):

@@ -242,6 +242,15 @@ def test_a_model_without_materials_gets_its_vertex_colors(tmp_path):
     assert np.ptp(pixels_of(material.channels["base-color"], is_color=True)) > 0.5
 
 
+def test_vertex_colors_of_a_scan_look_as_before(tmp_path):
+    ball = uv_sphere(48, 96)
+    colors = (0.5 + 0.5 * ball.positions).astype(np.float32)
+    write_mesh(ball.replace(colors=colors), tmp_path / "scan.ply")
+    options = replace(OPTIONS, n_faces=3000, views=2)
+    done = lighten_file(tmp_path / "scan.ply", tmp_path / "light.glb", options)
+    assert done.report.comparison.mean_db > 30.0
+
+
 def test_a_gltf_file_without_materials_looks_as_before(tmp_path):
     file, ball = GltfFile(), uv_sphere(24, 48)
     arrays = {"POSITION": file.accessor(ball.positions), "NORMAL": file.accessor(ball.positions)}

@@ -9,6 +9,7 @@ from texbake.errors import FileFormatError, UvError
 from texbake.jobs.painted_faces import importance_at, protected_at
 from texbake.mapping.corner_uvs import signed_areas, surface_areas
 from texbake.mapping.seams import seam_edges
+from texbake.mesh.files.conversion import linear_colors
 from texbake.mesh.shapes import cube, icosphere, uv_sphere
 from texbake.mesh.topology import opposite_half_edges
 from texbake.verbs.unwrap import unwrap_files
@@ -86,8 +87,9 @@ def test_files_of_several_meshes_share_an_image(tmp_path):
 def test_vertex_colors_and_files_of_faces_count_as_well(tmp_path):
     mesh = icosphere(1)
     gray = np.linspace(0.0, 1.0, mesh.n_vertices, dtype=np.float32)
-    colored = mesh.replace(colors=np.repeat(gray[:, None], 3, axis=1))
-    assert np.allclose(importance_at("colors", [colored])[0], gray[mesh.faces].mean(axis=1))
+    colored = mesh.replace(colors=linear_colors(np.repeat(gray[:, None], 3, axis=1)))
+    found = importance_at("colors", [colored])[0]
+    assert np.allclose(found, gray[mesh.faces].mean(axis=1), atol=1e-6)
     bright = mesh.replace(colors=np.full((mesh.n_vertices, 3), 1.7, dtype=np.float32))
     assert (importance_at("colors", [bright])[0] == 1.0).all()
     tb.write_mesh(mesh.replace(faces=mesh.faces[[3, 5]]), tmp_path / "some.ply")

@@ -6,9 +6,12 @@ import pytest
 import texbake
 from tests.glb import glb_bytes, read_glb
 from texbake import Mesh, read_image
+from texbake.mesh.files.conversion import linear_colors
 from texbake.mesh.hard_edges import with_normals
+from texbake.mesh.options import TransformOptions
 from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.png_files import write_png
+from texbake.verbs.meshes import convert_file
 from texbake.verbs.preview import preview_files
 
 pytestmark = pytest.mark.usefixtures("small_room")
@@ -147,6 +150,14 @@ def test_colors_of_vertices_are_drawn(drawn):
     done = drawn(BALL.replace(colors=colors), "ball.ply")
     red, green, _ = done.report.color[done.report.coverage == 1.0][:, :3].mean(axis=0)
     assert green > 4.0 * red
+
+
+def test_colors_of_vertices_look_the_same_in_every_format(drawn, tmp_path):
+    colors = linear_colors(np.round(255.0 * (0.5 + 0.5 * BALL.positions)).astype(np.uint8))
+    of_ply = drawn(with_normals(BALL.replace(colors=colors)), "mesh.ply").report.color
+    convert_file(tmp_path / "mesh.ply", tmp_path / "mesh.glb", TransformOptions(), progress=None)
+    of_glb = drawn(None, "mesh.glb").report.color
+    np.testing.assert_allclose(of_ply, of_glb, atol=1e-4)
 
 
 def test_a_turntable_has_the_exposure_of_its_first_picture(tmp_path):

@@ -6,6 +6,7 @@ import trimesh
 
 import texbake
 from texbake.errors import MeshError
+from texbake.mesh.files.conversion import srgb_colors
 from texbake.mesh.interchange import as_mesh
 from texbake.mesh.shapes import uv_sphere
 from texbake.mesh.tangents import corner_tangents
@@ -119,7 +120,8 @@ def test_every_corner_comes_back(has):
         ours, theirs = (m.normals[m.normal_faces] for m in (mesh, back))
         np.testing.assert_array_equal(theirs, ours)
     assert (back.colors is None) == ("colors" not in has)
-    if "colors" in has:  # half a step of 8 bits, and what float32 adds to it
-        assert np.abs(back.colors[back.faces] - colors[mesh.faces]).max() <= 0.5 / 255 + 1e-6
+    if "colors" in has:  # half a step of 8 bits in sRGB, and what float32 adds to it
+        steps = srgb_colors(back.colors)[back.faces] - srgb_colors(colors)[mesh.faces]
+        assert np.abs(steps).max() <= 0.5 / 255 + 1e-6
     assert back.group_names == mesh.group_names
     np.testing.assert_array_equal(back.face_groups, mesh.face_groups)

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from texbake import Mesh, read_mesh, write_mesh
+from texbake.mesh.files.conversion import srgb_colors
 from texbake.mesh.shapes import icosphere
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -70,9 +71,10 @@ def test_corners_without_coordinates_among_others_that_have_them(read):
 
 def test_colors(read):
     mesh = read("v 0 0 0 0.5 0.25 1\nv 1 0 0\nv 1 1 0 7\nf 1 2 3")  # the third has a weight
-    assert mesh.colors.tolist() == [[0.5, 0.25, 1], [1, 1, 1], [1, 1, 1]]
+    np.testing.assert_allclose(srgb_colors(mesh.colors), [[0.5, 0.25, 1], *[[1, 1, 1]] * 2], 1e-6)
     mesh = read("v 0 0 0 255 0 51\nv 1 0 0 0 0 0\nv 1 1 0\nf 1 2 3")
-    np.testing.assert_array_equal(mesh.colors, np.float32([[1, 0, 0.2], [0, 0, 0], [1, 1, 1]]))
+    expected = [[1, 0, 0.2], [0, 0, 0], [1, 1, 1]]
+    np.testing.assert_allclose(srgb_colors(mesh.colors), expected, 1e-6, 1e-7)
     mesh = read("v 0 0 0 1 0 0 .5\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1 1\nf 1 2 3")
     assert mesh.colors.tolist() == [[1, 0, 0, 0.5], [0, 1, 0, 1], [0, 0, 1, 1]]
 

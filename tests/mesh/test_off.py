@@ -1,6 +1,8 @@
 import numpy as np
 import pytest
 
+from texbake.mesh.files.conversion import srgb_colors
+
 VERTICES = "0 0 0\n1 0 0\n1 1 0.5\n0 1 0\n"
 FACES = "3 0 1 2\n4 0 1 2 3\n"
 
@@ -28,11 +30,11 @@ def with_columns(columns):
 
 def test_colors_normals_and_texture_coordinates(read):
     mesh = read("COFF\n4 2 0\n" + with_columns("255 0 51 255") + FACES)
-    np.testing.assert_array_equal(mesh.colors[3], np.float32([1, 0, 0.2, 1]))
+    np.testing.assert_allclose(srgb_colors(mesh.colors)[3], [1, 0, 0.2, 1], 1e-6, 1e-7)
     mesh = read("NOFF\n4 2 0\n" + with_columns("0 1 0") + FACES)
     assert mesh.normals[mesh.normal_faces].tolist() == [[[0, 1, 0]] * 3] * 3
     assert mesh.colors is None
     mesh = read("STCNOFF\n4 2 0\n" + with_columns("0 1 0 0.5 0.25 1 0.125 0.75") + FACES)
     assert mesh.corner_uvs().tolist() == [[[0.125, 0.75]] * 3] * 3
-    assert mesh.colors[0].tolist() == [0.5, 0.25, 1]
+    np.testing.assert_allclose(srgb_colors(mesh.colors)[0], [0.5, 0.25, 1], 1e-6)
     assert mesh.normals[0].tolist() == [0, 1, 0]

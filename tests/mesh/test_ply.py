@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from texbake import Mesh, write_mesh
+from texbake.mesh.files.conversion import linear_colors, srgb_bytes, srgb_colors
 
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 1, 0.5), (0, 1, 0)]
 CODES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"}
@@ -95,7 +96,7 @@ def test_properties_in_any_order_among_others(read, order):
     assert mesh.uvs.tolist() == [[0.5 + index, 0.25] for index in range(4)]
     assert mesh.normals.tolist() == [[0, 0, 1]] * 4
     assert mesh.uv_faces.tolist() == mesh.normal_faces.tolist() == mesh.faces.tolist()
-    np.testing.assert_array_equal(mesh.colors, np.float32([[0.2, 0, 1, 0.4]] * 4))
+    np.testing.assert_array_equal(srgb_bytes(mesh.colors), [[51, 0, 255, 102]] * 4)
 
 
 @orders
@@ -110,13 +111,13 @@ def test_other_names_of_texture_coordinates(read, order, u, v):
 @orders
 def test_float_and_16_bit_colors(read, order):
     for code, values, expected in (
-        ("float", (0.5, 0.25, 2.0), (0.5, 0.25, 2.0)),
+        ("float", (0.5, 0.25, 2.0), (0.5, 0.25, 1.0)),
         ("ushort", (65535, 0, 13107), (1.0, 0.0, 0.2)),
     ):
         vertex = XYZ + [(code, name) for name in ("red", "green", "blue")]
         rows = [(*point, *values) for point in POINTS]
         mesh = read(ply(order, [("vertex", vertex, rows), ("face", POLYGON, SQUARE)]))
-        np.testing.assert_array_equal(mesh.colors[0], np.float32(expected))
+        np.testing.assert_allclose(srgb_colors(mesh.colors)[0], expected, 1e-6, 1e-7)
 
 
 @orders
@@ -143,7 +144,8 @@ def test_text_keeps_digits_that_its_type_would_not(read):
 
 def test_written_types_are_the_least_that_lose_nothing(tmp_path):
     path = tmp_path / "mesh.ply"
-    mesh = Mesh(positions=POINTS, faces=[[0, 1, 2]], colors=np.float32([[0.2, 0.4, 1]] * 4))
+    colors = linear_colors(np.uint8([[51, 102, 255]] * 4))
+    mesh = Mesh(positions=POINTS, faces=[[0, 1, 2]], colors=colors)
     write_mesh(mesh, path)
     assert b"property float x" in path.read_bytes()
     assert b"property uchar red" in path.read_bytes()

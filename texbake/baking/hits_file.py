@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Arrays = dict[str, Any]  # of arrays
 
-_VERSION = 2
+_VERSION = 3
 _MESH_ARRAYS = ("positions", "faces", "uvs", "uv_faces", "normals", "normal_faces", "tangents",
                 "colors", "polygon_of", "face_groups")  # fmt: skip
 _IMAGE_FIELDS = ("name", "components", "wraps", "placing", "uv_set", "is_nearest")

@@ -19,6 +19,7 @@ from texbake.baking.options import BakeOptions
 from texbake.baking.rays import ray_normals
 from texbake.baking.texels import texel_charts_of
 from texbake.mapping.seams import chart_ids
+from texbake.mesh.files.conversion import linear_colors, srgb_colors
 from texbake.mesh.materials import Materials
 from texbake.mesh.mesh import Float32Array, FloatArray, IntArray, Mesh, frozen
 from texbake.mesh.normals import flat_normals, shading_normals, smooth_normals, vertex_curvatures
@@ -26,7 +27,6 @@ from texbake.mesh.streamed.mesh import StreamedMesh
 from texbake.mesh.streamed.source import Marks
 from texbake.mesh.tangents import shading_tangents
 from texbake.records import dataclass
-from texbake.texture.encoding import decode_srgb
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class HighSurface:
     mesh: Mesh
     materials: Materials | None
     shading: str  # `BakeOptions.high_shading`
-    colors_are_srgb: bool  # whether its vertex colors are sRGB-coded
+    colors_misread: str  # `BakeOptions.colors_misread`
     # (V, 1) float32; its curvatures, where the mesh is only a part of the one they were computed
     # for.
     known_curvatures: Float32Array | None = None
@@ -80,8 +80,10 @@ class HighSurface:
         if self.mesh.colors is None:
             return frozen(np.ones((self.mesh.n_vertices, 3), dtype=np.float32))
         colors = self.mesh.colors[:, :3]
-        if self.colors_are_srgb:
-            colors = decode_srgb(np.clip(colors, 0.0, 1.0)).astype(np.float32)
+        if self.colors_misread == "srgb":
+            colors = linear_colors(colors)
+        elif self.colors_misread == "linear":
+            colors = srgb_colors(colors).astype(np.float32)
         return frozen(np.ascontiguousarray(colors))
 
     def material_points(self, hits: Hits) -> list[MaterialPoints]:
@@ -180,7 +182,7 @@ class BakeInputs:
             high,
             materials,
             options.high_shading,
-            options.colors_are_srgb(high.name),
+            options.colors_misread(high.name),
             known_curvatures,
             known_tangents=known_tangents,
             threads=options.threads,
@@ -244,9 +246,9 @@ class BakeInputs:
     def with_options(self, options: BakeOptions) -> BakeInputs:
         """Return the inputs with other options; what these do not change stays computed."""
         surface = self.high_surface
-        srgb = options.colors_are_srgb(surface.mesh.name)
-        if (options.high_shading, srgb) != (surface.shading, surface.colors_are_srgb):
-            surface = replace(surface, shading=options.high_shading, colors_are_srgb=srgb)
+        misread = options.colors_misread(surface.mesh.name)
+        if (options.high_shading, misread) != (surface.shading, surface.colors_misread):
+            surface = replace(surface, shading=options.high_shading, colors_misread=misread)
         return replace(self, high_surface=surface, options=options)
 
     def with_low(self, low: Mesh) -> BakeInputs:

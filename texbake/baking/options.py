@@ -31,6 +31,7 @@ SHADINGS = ("smooth", "flat")
 FILLS = ("none", "push-pull")
 ON_MISS = ("neutral", "closest")
 VERTEX_COLORS = ("auto", "linear", "srgb")
+_SRGB_FILES = (".ply", ".obj", ".off", ".fbx", ".dae", ".zae", ".3mf", ".3dxml", ".xaml")
 SAMPLES = (1, 4, 16, 64)
 ADAPTIVE = "adaptive"
 BITS = (8, 16, 32)
@@ -233,8 +234,8 @@ class BakeOptions(SecondaryOptions, TextureOptions):
     )
     vertex_colors: str = option(
         "auto",
-        "Color space of the high-poly mesh's vertex colors; auto is linear for glTF files and "
-        "sRGB for all others.",
+        "Color space of the vertex colors in the high-poly mesh's file; auto is linear for glTF "
+        "and USD, and sRGB for all others.",
         choices=VERTEX_COLORS,
     )
     keep_hits: bool = option(
@@ -314,11 +315,10 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         needed = bake_memory(n_high_faces, n_low_faces, self.width_px * self.height_px, self.maps)
         return memory_left(self.max_memory, needed)
 
-    def colors_are_srgb(self, mesh_name: str) -> bool:
-        """Whether the vertex colors of a mesh, which is called as its file, are sRGB."""
-        if self.vertex_colors == "auto":
-            return not mesh_name.lower().endswith((".glb", ".gltf"))
-        return self.vertex_colors == "srgb"
+    def colors_misread(self, mesh_name: str) -> str:
+        """`linear` or `srgb` if a mesh, which is called as its file, was read as the other one."""
+        read_as = "srgb" if mesh_name.lower().endswith(_SRGB_FILES) else "linear"
+        return "" if self.vertex_colors in ("auto", read_as) else self.vertex_colors
 
     @property
     def samples_per_side(self) -> int:

@@ -222,6 +222,12 @@ def lstsq(matrix: npt.ArrayLike, sides: npt.ArrayLike, *, rcond: float) -> tuple
     return matmul(shares, kept), rank
 
 
+def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Linear values of sRGB values, by IEC 61966-2-1; those above 1 continue the curve."""
+    values = np.asarray(values, np.float64)
+    return np.where(values <= 0.04045, values / 12.92, power((values + 0.055) / 1.055, 2.4))
+
+
 def _listed(values: Array, n_axes: int) -> npt.NDArray[np.float64]:
     """Contiguous float64, with all axes but the last `n_axes` joined into one."""
     kept = values.shape[values.ndim - n_axes :]

@@ -1,6 +1,6 @@
 """What a person painted on a mesh, as numbers of its faces: in an image, or as vertex colors.
 
-White is 1 and black 0, as the file stores them; what is transparent counts as black.
+White is 1 and black 0, in sRGB as an image stores them; what is transparent counts as black.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from texbake.errors import FileFormatError, OptionError, UvError
 from texbake.files import PathLike
+from texbake.mesh.files.conversion import srgb_colors
 from texbake.mesh.mesh import BoolArray, Float32Array, FloatArray, Int64Array, Mesh
 
 COLORS = "colors"  # in place of an image: the vertex colors
@@ -31,7 +32,7 @@ def _by_colors(mesh: Mesh) -> FloatArray:
         raise OptionError(
             f"importance: {mesh.name} has no vertex colors; paint some, or give an image"
         )
-    grays = np.clip(_gray(mesh.colors.astype(np.float64)), 0.0, 1.0)
+    grays = np.clip(_gray(srgb_colors(mesh.colors)), 0.0, 1.0)
     return np.asarray(grays[mesh.faces].mean(axis=1))
 
 

@@ -20,6 +20,7 @@ from texbake.errors import (
 )
 from texbake.files import PathLike
 from texbake.mesh.compose import join_parts
+from texbake.mesh.files.conversion import linear_colors, srgb_bytes
 from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Mesh
 from texbake.mesh.weld import split_vertices, values_of_vertices
 
@@ -136,11 +137,11 @@ def _vertex_colors(mesh: trimesh.Trimesh) -> Float32Array | None:
         colors = mesh.visual.vertex_colors
     elif mesh.visual.kind == "texture":
         colors = mesh.visual.vertex_attributes.get(_COLORS)
-    if colors is None or np.shape(colors)[:1] != (len(mesh.vertices),):
+    if colors is None or np.shape(colors)[:-1] != (len(mesh.vertices),):
         return None
     colors = np.array(colors)
     scale = np.iinfo(colors.dtype).max if colors.dtype.kind in "iu" else 1.0
-    return (colors / scale).astype(np.float32)
+    return linear_colors(colors / scale)
 
 
 def _world_matrix(scene: trimesh.Scene, node: str) -> FloatArray:
@@ -195,8 +196,8 @@ def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:
     trimesh.Trimesh
         Faces in their order, and the vertices 0 to V - 1 at bit-equal positions. Where corners at
         one position differ in texture coordinates or normals, further vertices follow, one for
-        each combination. Texture coordinates are in ``visual.uv``; vertex colors, rounded to 8
-        bits, in ``visual.vertex_colors``, or beside texture coordinates in
+        each combination. Texture coordinates are in ``visual.uv``; vertex colors, as sRGB
+        bytes, in ``visual.vertex_colors``, or beside texture coordinates in
         ``visual.vertex_attributes["color"]``; groups in ``face_attributes["group"]`` and
         ``metadata["group_names"]``. Nothing is merged or removed, so degenerate faces stay.
         Tangents are dropped.
@@ -218,7 +219,7 @@ def to_trimesh(mesh: MeshLike) -> trimesh.Trimesh:
     visual = None
     colors = None
     if mesh.colors is not None and mesh.colors.shape[1] in (3, 4):
-        colors = np.round(np.clip(mesh.colors[vertices], 0.0, 1.0) * 255.0).astype(np.uint8)
+        colors = srgb_bytes(mesh.colors)[vertices]
     if mesh.uvs is not None and mesh.uv_faces is not None:
         visual = trimesh.visual.TextureVisuals(
             uv=values_of_vertices(mesh.uvs, mesh.uv_faces, corners)

@@ -75,7 +75,8 @@ class Mesh:
     tangents : (F, 3, 4) float32, optional
         Corner tangents that came with the file; w is the bitangent sign.
     colors : (V, 3) or (V, 4) float32, optional
-        Vertex colors in [0, 1], as they stand in the file.
+        Linear vertex colors in [0, 1], with or without alpha. Readers and writers convert those of
+        files that store sRGB: all but glTF and USD.
     polygon_of : (F,) int32, optional
         Polygon of each face, whose triangles follow one another. Numbers may only rise on the way
         in, and become those from 0 on; None where all polygons are triangles.

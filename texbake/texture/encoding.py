@@ -210,10 +210,7 @@ def encode_srgb(linear: npt.ArrayLike) -> Float32Array:
     ).astype(np.float32)
 
 
-def decode_srgb(values: npt.ArrayLike) -> FloatArray:
-    """Convert sRGB values in [0, 1] to linear values in [0, 1]."""
-    values = np.asarray(values, np.float64)
-    return np.where(values <= 0.04045, values / 12.92, pm.power((values + 0.055) / 1.055, 2.4))
+decode_srgb = pm.decode_srgb
 
 
 def _green_sign(convention: str) -> float:

@@ -67,7 +67,8 @@ def model_materials(path: PathLike, mesh: Mesh, *, variants: bool = False) -> Ma
         return found
     return Materials(
         face_materials=np.zeros(mesh.n_faces, np.int32),
-        materials=(MeshMaterial(name=mesh.name),),
+        # As rough as every mesh without materials, of which this is the one material.
+        materials=(MeshMaterial(name=mesh.name, channels={"roughness": ChannelSource((0.5,))}),),
         has_vertex_colors=True,
         missing=() if found is None else found.missing,
         missing_images=() if found is None else found.missing_images,

@@ -376,17 +376,14 @@ def test_wrong_input_is_one_line(arguments, changes, error, message):
         bake_parts(*arguments, **changes)
 
 
-def test_linear_and_srgb_colors_are_not_joined():
+def test_colors_of_glb_and_ply_files_are_joined():
     colored = [
-        mesh.replace(colors=np.ones((mesh.n_vertices, 3)), name=name)
+        mesh.replace(colors=np.full((mesh.n_vertices, 3), 0.25), name=name)
         for mesh, name in zip(HIGHS, ("a.glb", "b.ply"), strict=True)
     ]
-    chosen = options(maps=("vertex-color",))
-    with pytest.raises(OptionError, match="vertex_colors"):
-        bake_parts(colored, LOWS, chosen)
-    chosen = options(maps=("vertex-color",), vertex_colors="linear")
-    values = bake_parts(colored, LOWS, chosen).targets[ONLY]
-    assert (values.maps["vertex-color"].values[values.has_data] == 1.0).all()
+    values = bake_parts(colored, LOWS, options(maps=("vertex-color",))).targets[ONLY]
+    found = values.maps["vertex-color"].values[values.has_data]
+    np.testing.assert_allclose(found, 0.25, rtol=1e-6)
 
 
 def test_primitives_of_one_object_are_one_part():

@@ -237,8 +237,6 @@ def bake_parts(
     if parts.join_objects:
         high, low = ([joined_objects(mesh) for mesh in meshes] for meshes in (high, low))
     high_meshes = HighMeshes(high, high_materials)
-    if "vertex-color" in options.maps and options.vertex_colors == "auto":
-        high_meshes.check_colors()
     matching, low_parts, occluders = _low_parts(high, low, parts, cage, low_materials)
     if options.bake_island and (matching is not None or len(low) > 1):
         low_parts = _in_baking_order(options.bake_island, low_parts)

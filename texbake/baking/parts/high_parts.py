@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from texbake.baking.parts.matching import Matching, PartsOptions, base_of, match_names, pair_names
-from texbake.errors import OptionError
 from texbake.mesh.compose import excerpt, join_meshes, used_rows
 from texbake.mesh.materials import Materials, MeshMaterial
 from texbake.mesh.mesh import BoolArray, Float32Array, IntArray, Mesh
@@ -123,16 +122,6 @@ class HighMeshes:
             if materials is not None:
                 of_parts.append(materials_of_faces(materials, mesh, chosen))
         return _join(meshes), _join_materials(of_parts, meshes) if of_parts else None
-
-    def check_colors(self) -> None:
-        """Raise `OptionError` if linear and sRGB vertex colors would be joined."""
-        colored = [mesh.name for mesh in self.meshes if mesh.colors is not None]
-        kinds = {name.lower().endswith((".glb", ".gltf")) for name in colored}
-        if len(kinds) > 1:
-            raise OptionError(
-                "vertex_colors: those of glTF files are linear, those of other files are taken to "
-                "be sRGB; set `vertex_colors` to linear or srgb for all of them"
-            )
 
 
 def _with_common_groups(meshes: Sequence[Mesh]) -> tuple[list[Mesh], list[int]]:

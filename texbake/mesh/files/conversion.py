@@ -1,4 +1,4 @@
-"""What formats have and `Mesh` has not: polygons, colors up to 255, far origins, images."""
+"""What formats have and `Mesh` has not: polygons, sRGB colors, far origins, images."""
 
 from __future__ import annotations
 
@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from texbake.core import portable_math as pm
 from texbake.errors import FileFormatError, MeshError, OptionError, UvError, warn_of
 from texbake.files import PathLike, read_bytes, written_file
 from texbake.mesh.mesh import (
     MAX_CORNERS,
     AnyArray,
     BoolArray,
+    ByteArray,
     Float32Array,
     FloatArray,
     IntArray,
@@ -98,11 +100,37 @@ def _count(is_bad: BoolArray) -> str:
 
 
 def unit_colors(path: PathLike, colors: FloatArray) -> Float32Array:
-    """Colors in [0, 1]: divided by 255 if whole and one is above 1; white where not finite."""
+    """Linear colors of sRGB ones, of up to 255 if whole and one is above 1; white if not finite."""
     known = colors[~rows_not_finite(colors)]
     if known.max(initial=0.0) > 1.0 and (known == np.round(known)).all():
         colors = colors / 255.0
-    return finite_rows(path, colors, "colors").astype(np.float32)
+    return linear_colors(finite_rows(path, colors, "colors"))
+
+
+def linear_colors(colors: AnyArray) -> Float32Array:
+    """Linear colors (V, 3), or (V, 4) with alpha, of sRGB ones: bytes, or numbers from 0 to 1."""
+    if colors.dtype == np.uint8:
+        levels = np.arange(256) / 255.0
+        decoded = pm.decode_srgb(levels).astype(np.float32)[colors]
+        decoded[:, 3:] = levels.astype(np.float32)[colors[:, 3:]]
+        return decoded
+    colors = np.clip(colors, 0.0, 1.0)
+    return np.concatenate([pm.decode_srgb(colors[:, :3]), colors[:, 3:]], axis=1).astype(np.float32)
+
+
+def srgb_colors(colors: Float32Array) -> FloatArray:
+    """Colors (V, 3), or (V, 4) with alpha, float64, in sRGB, of linear ones."""
+    coded = colors.astype(np.float64)
+    light = coded[:, :3]
+    bent = 1.055 * pm.power(np.maximum(light, 0.0031308), 1.0 / 2.4) - 0.055
+    coded[:, :3] = np.where(light <= 0.0031308, light * 12.92, bent)
+    return coded
+
+
+def srgb_bytes(colors: Float32Array) -> ByteArray:
+    """Bytes (V, 3), or (V, 4) with alpha, in sRGB, nearest to linear colors."""
+    levels = np.round(srgb_colors(colors) * 255.0)
+    return np.clip(levels, 0, 255).astype(np.uint8)
 
 
 # Distance from the origin, in diagonals, from which on float32 would lose more than 13 of its 24

@@ -23,7 +23,12 @@ from texbake.errors import FileFormatError, MeshError, counted, quoted, warn_of
 from texbake.files import PathLike
 from texbake.limits import most_triangles
 from texbake.mesh.compose import join_parts
-from texbake.mesh.files.conversion import finite_rows, finite_vertices, rows_not_finite
+from texbake.mesh.files.conversion import (
+    finite_rows,
+    finite_vertices,
+    linear_colors,
+    rows_not_finite,
+)
 from texbake.mesh.files.fbx_nodes import Node
 from texbake.mesh.files.fbx_rig import FbxMotions, read_motions
 from texbake.mesh.files.fbx_scene import (
@@ -223,6 +228,7 @@ class _GeometryReader:
             slots = self.slots.ravel()[::-1]  # of the colors at a vertex, the first comes last
             with np.errstate(over="ignore"):  # `Mesh` refuses what is not finite
                 fields["colors"][self.vertices[slots]] = values[rows[slots]]
+            fields["colors"] = linear_colors(fields["colors"])
         return FbxGeometry(fields, self._materials(), uv_sets)
 
     def _first(self, layer: str) -> Node | None:

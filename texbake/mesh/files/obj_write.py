@@ -15,6 +15,7 @@ import numpy.typing as npt
 from texbake.arrays import DAMAGE, read_arrays, write_arrays
 from texbake.errors import FileFormatError, one_line
 from texbake.files import PathLike, appearing_together, is_file, remove_file, replacing
+from texbake.mesh.files.conversion import linear_colors, srgb_colors
 from texbake.mesh.files.source import write_lists, write_rows
 from texbake.mesh.mesh import ByteArray, Int64Array, IntArray, Mesh, UvSet
 from texbake.mesh.polygons import Outlines, outlines, triangulated
@@ -38,7 +39,10 @@ def write_obj(
             file.write(f"mtllib {library}\n".encode("utf-8", "replace"))
         points = mesh.positions
         if mesh.colors is not None:
-            points = np.concatenate([points, mesh.colors.astype(np.float64)], axis=1)
+            colors = srgb_colors(mesh.colors)
+            short = np.round(colors, 6)  # as most programs write them
+            is_same = linear_colors(short) == mesh.colors
+            points = np.concatenate([points, np.where(is_same, short, colors)], axis=1)
         write_rows(file, "v" + " %r" * points.shape[1] + "\n", points)
         if mesh.uvs is not None:
             write_rows(file, "vt %r %r\n", mesh.uvs)

@@ -30,7 +30,14 @@ import numpy as np
 
 from texbake.errors import FileFormatError, MeshError
 from texbake.files import PathLike, replacing
-from texbake.mesh.files.conversion import finite_rows, finite_vertices, strip_triangles
+from texbake.mesh.files.conversion import (
+    finite_rows,
+    finite_vertices,
+    linear_colors,
+    srgb_bytes,
+    srgb_colors,
+    strip_triangles,
+)
 from texbake.mesh.files.ply_tables import Columns, ListColumn, read_element, read_header
 from texbake.mesh.files.source import parse_numbers, read_array
 from texbake.mesh.mesh import AnyArray, Float32Array, FloatArray, Int64Array, IntArray, Mesh
@@ -125,16 +132,18 @@ def stack_columns(columns: Columns, names: tuple[str, ...]) -> FloatArray | None
 
 
 def read_colors(path: PathLike, vertices: Columns, types: dict[str, str]) -> Float32Array | None:
-    """Vertex colors; those of an integer type are divided by 255, or for 16 bits by 65535."""
+    """Linear vertex colors; integers are divided by 255, or if they have 16 bits by 65535."""
     names = COLOR_NAMES if "alpha" in vertices else COLOR_NAMES[:3]
     colors = stack_columns(vertices, names)
     if colors is None:
         return None
+    if all(types[name] == "u1" for name in names):
+        return linear_colors(colors.astype(np.uint8))
     colors = finite_rows(path, colors, "colors")
     for axis, name in enumerate(names):
         if types[name][0] in "iu":
             colors[:, axis] /= 65535.0 if types[name] == "u2" else 255.0
-    return colors.astype(np.float32)
+    return linear_colors(colors)
 
 
 def _corner_fields(
@@ -216,9 +225,9 @@ def write_ply(mesh: Mesh, path: PathLike) -> None:
         if values is not None and ids is not None:
             columns += _narrow_columns(values_of_vertices(values, ids, corners), names)
     if mesh.colors is not None:  # as bytes where they read back to the same bits
-        scaled = np.clip(np.nan_to_num(np.round(mesh.colors * 255.0)), 0, 255).astype(np.uint8)
-        read_back = (scaled.astype(np.float64) / 255.0).astype(np.float32)
-        colors = scaled if np.array_equal(read_back, mesh.colors) else mesh.colors
+        colors: AnyArray = srgb_bytes(mesh.colors)
+        if not np.array_equal(linear_colors(colors), mesh.colors):
+            colors = srgb_colors(mesh.colors).astype(np.float32)
         columns += _narrow_columns(colors[sources], COLOR_NAMES)
     if len(sources) > mesh.n_vertices:
         columns.append((COPY_OF, sources.astype(np.int32)))
