@@ -19,8 +19,10 @@ from texbake.mesh.materials import (
     MeshMaterial,
     read_materials,
 )
-from texbake.mesh.shapes import plane, uv_sphere
+from texbake.mesh.options import SimplifyOptions
+from texbake.mesh.shapes import cube, plane, uv_sphere
 from texbake.texture.png_files import png_parts
+from texbake.verbs.simplify import simplify_file
 
 
 def png(value=128, n=4):
@@ -245,3 +247,23 @@ def test_extensions_that_are_not_baked_are_carried_along(tmp_path):
     assert kept.pop("thicknessTexture").data == image.data and kept == volume
     (bare,) = made.without_images().materials
     assert bare.extensions["KHR_materials_volume"] == volume
+
+
+def test_images_on_further_coordinates_stay_where_nothing_changes_and_else_emit_nothing(tmp_path):
+    mesh = cube().replace(uvs=cube().positions[:, :2] + 0.5, uv_faces=cube().faces)
+    image = ChannelImage(png(), "glow.png", uv_set=1)
+    glow = MeshMaterial(name="glow", channels={"emissive": ChannelSource((1.0,) * 3, image)})
+    ids = np.zeros(mesh.n_faces, np.int32)
+    materials = Materials(face_materials=ids, materials=(glow,), uv_sets={1: 2.0 * mesh.uvs})
+    write_glb(mesh, tmp_path / "a.glb", materials=materials)
+    for n_faces, warned in ((12, False), (8, True)):
+        options = SimplifyOptions(n_faces=n_faces)
+        done = simplify_file(tmp_path / "a.glb", tmp_path / "b.glb", options)
+        assert any("further texture coordinates" in line for line in done.warnings) == warned
+        low = read_gltf(tmp_path / "b.glb")
+        found = read_materials(tmp_path / "b.glb", low)
+        if warned:
+            assert found is None or "emissive" not in found.materials[0].channels
+        else:
+            np.testing.assert_allclose(found.uv_sets[1], 2.0 * low.uvs, atol=1e-6)
+            assert found.materials[0].channels["emissive"].image.data == image.data

@@ -73,11 +73,21 @@ class MeshFileMaterials:
         return self.materials is not None and Path(output).suffix.lower() in suffixes
 
     def of_faces(self, chosen: BoolArray | IndexArray) -> MeshFileMaterials:
-        """Return the materials of some faces of the mesh."""
+        """Return the materials of some faces of the mesh, on its first texture coordinates."""
         if self.materials is None:
             return self
-        of_faces = self.materials.face_materials[chosen]
-        return replace(self, materials=replace(self.materials, face_materials=of_faces))
+        return self.shown_on(self.materials.face_materials[chosen], has_further=False)
+
+    def shown_on(self, face_materials: IntArray, *, has_further: bool) -> MeshFileMaterials:
+        """Return the materials on other faces, which may lack the further texture coordinates."""
+        assert self.materials is not None
+        lost, kept = self.lost, replace(self.materials, face_materials=face_materials)
+        if not has_further:
+            if kept.image_uv_sets - {0}:
+                lost = (*lost, "images on further texture coordinates")
+            items = tuple(item.on_uv_sets((0,)) for item in kept.materials)
+            kept = replace(kept, materials=items, uv_sets={})
+        return replace(self, materials=kept, lost=lost)
 
     def without_hidden(
         self, mesh: Mesh, *, threads: int | None
@@ -164,7 +174,7 @@ class MaterialPartition:
         return cls(mesh=divided, source=source, parts=parts.astype(np.int32))
 
     def restored(self, made: Mesh, mesh: Mesh) -> tuple[Mesh, MeshFileMaterials]:
-        """What was made, with groups of `mesh` and materials without images of other uvs."""
+        """What was made, with groups of `mesh` and materials; further uvs stay if its uvs do."""
         materials = self.source.materials
         if materials is None:
             return made, self.source
@@ -177,12 +187,9 @@ class MaterialPartition:
             made = made.replace(
                 face_groups=groups, group_names=mesh.group_names, group_objects=mesh.group_objects
             )
-        lost = self.source.lost
-        if materials.image_uv_sets - {0}:
-            lost = (*lost, "images on further texture coordinates")
-        items = tuple(item.on_uv_sets((0,)) for item in materials.materials)
-        kept = replace(materials, face_materials=of_faces, materials=items, uv_sets={})
-        return made, replace(self.source, materials=kept, lost=lost)
+        uvs, made_uvs = mesh.uvs, made.uvs
+        has_further = uvs is not None and made_uvs is not None and np.array_equal(uvs, made_uvs)
+        return made, self.source.shown_on(of_faces, has_further=has_further)
 
 
 @dataclass(frozen=True, eq=False)

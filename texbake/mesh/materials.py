@@ -154,7 +154,7 @@ class MeshMaterial:
         for name, source in self.channels.items():
             if source.image is None or source.image.uv_set in uv_sets:
                 channels[name] = source
-            elif name not in ("normal", "occlusion"):
+            elif name not in ("normal", "occlusion", "emissive"):  # whose factors may be white
                 channels[name] = ChannelSource(source.factor)
         extensions = {
             name: {
