@@ -129,8 +129,9 @@ def srgb_colors(colors: Float32Array) -> FloatArray:
 
 def srgb_bytes(colors: Float32Array) -> ByteArray:
     """Bytes (V, 3), or (V, 4) with alpha, in sRGB, nearest to linear colors."""
-    levels = np.round(srgb_colors(colors) * 255.0)
-    return np.clip(levels, 0, 255).astype(np.uint8)
+    codes = np.searchsorted(pm.decode_srgb((np.arange(255) + 0.5) / 255.0), colors)
+    codes[:, 3:] = np.round(255.0 * np.clip(colors[:, 3:], 0.0, 1.0))
+    return codes.astype(np.uint8)
 
 
 # Distance from the origin, in diagonals, from which on float32 would lose more than 13 of its 24
