@@ -25,6 +25,7 @@ from texbake.jobs.light_images import (
     pictures_of,
     psnr,
     squared_errors,
+    turned_share,
     with_files,
 )
 from texbake.jobs.light_models import LightModel, Source
@@ -45,12 +46,13 @@ from texbake.mesh.materials import (
     read_materials,
 )
 from texbake.mesh.rig import read_rig
-from texbake.mesh.shapes import uv_sphere
+from texbake.mesh.shapes import plane, uv_sphere
 from texbake.mesh.topology import face_components
 from texbake.progress import Stages
 from texbake.rendering.compare_models import compare_models
 from texbake.rendering.options import RenderOptions
 from texbake.texture.image import decode_image, write_image
+from texbake.texture.image_files import encode_image
 from texbake.texture.model_materials import without_damaged_images
 from texbake.texture.pack import resized
 from texbake.verbs.whole_jobs import lighten_file, run_files
@@ -660,6 +662,84 @@ def test_a_quality_leaves_forty_decibels_if_any_does():
     small = coded(Picture("ramp", codes, True), "png", quality=None, side=16)
     assert decoded(small, 3).shape == (16, 16, 3)
     assert coded(Picture("ramp", codes, True, data), "webp", quality=100, side=64) == data
+
+
+def test_a_normal_map_keeps_the_directions_of_its_normals():
+    x, y = np.meshgrid(np.linspace(0.0, 40.0, 256), np.linspace(0.0, 40.0, 256))
+    tilted = np.stack([0.5 * np.sin(x), 0.5 * np.sin(y), np.ones_like(x)], axis=-1)
+    noise = np.random.default_rng(0).normal((0.0, 0.0, 1.0), 0.3, (256, 256, 3))
+    for vectors in (tilted, noise):
+        vectors = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+        codes = np.rint(127.5 * (vectors + 1.0)).astype(np.uint8)
+        image = Picture("bumps", codes, False, is_normal=True)
+        data = coded(image, "webp", quality=None, side=256)
+        made = decoded(data, 3).astype(float) - 127.5
+        means, true = (
+            each.reshape(128, 2, 128, 2, 3).mean(axis=(1, 3)) for each in (made, vectors)
+        )
+        cosines = (means * true).sum(axis=-1) / (
+            np.linalg.norm(means, axis=-1) * np.linalg.norm(true, axis=-1)
+        )
+        assert np.degrees(np.arccos(np.quantile(cosines, 0.01))) <= 1.8
+        # Without a need for directions, fewer bytes would do.
+        assert len(data) > len(coded(replace(image, is_normal=False), "webp", quality=30, side=256))
+
+
+def test_the_share_of_turned_normals_is_that_of_squares_of_texels():
+    codes = np.full((64, 64, 3), (128, 128, 255), np.uint8)
+    turned = codes.copy()
+    turned[:16, :, 0] += 8  # 3.6 degrees
+    assert turned_share(turned, codes) == 0.25
+    codes[:32] = 128  # no direction
+    assert turned_share(turned, codes) == 0.0
+    # The mean of a square is what counts.
+    checkers = codes.copy()
+    checkers[:, ::2, 0], checkers[:, 1::2, 0] = 136, 120
+    assert turned_share(checkers, codes) == 0.0
+
+
+@pytest.mark.parametrize("quality", [None, 30, 90])
+def test_few_colors_are_lossless_at_every_quality(quality):
+    flat = np.full((64, 64, 3), (128, 128, 255), np.uint8)
+    squares = np.random.default_rng(0).integers(0, 2, (8, 8, 3)).repeat(8, 0).repeat(8, 1)
+    for codes in (flat, (255 * squares).astype(np.uint8)):
+        image = Picture("few", codes, False)
+        data = coded(image, "webp", quality=quality, side=64)
+        np.testing.assert_array_equal(decoded(data, 3), codes)
+        files = Codings(64, "webp", 1).extreme([image], is_finest=quality == 90)
+        np.testing.assert_array_equal(decoded(files["few"], 3), codes)
+
+
+def test_an_image_is_lossless_where_no_quality_is_close_and_that_takes_hardly_more_bytes():
+    rng = np.random.default_rng(0)
+    few_colors = 36 * rng.integers(0, 8, (128, 128, 3)).astype(np.uint8)
+    noise = rng.integers(0, 256, (128, 128, 3)).astype(np.uint8)
+    for codes, is_lossless in ((few_colors, True), (noise, False)):
+        lossy = encode_image(codes, "webp", quality=90, is_color=True)
+        assert psnr(decoded(lossy, 3), codes) < 40.0
+        data = coded(Picture("p", codes, True), "webp", quality=None, side=128)
+        assert len(lossy) <= len(data) < 2.5 * len(lossy)
+        assert np.array_equal(decoded(data, 3), codes) == is_lossless
+
+
+@pytest.mark.parametrize("uvs", ["keep", "new"])
+def test_a_normal_map_without_bumps_is_not_written(tmp_path, uvs):
+    mesh = plane(20)
+    codes = np.arange(64 * 64 * 3).reshape(64, 64, 3) % 251
+    image = picture(tmp_path, "paint.png", codes.astype(np.uint8))
+    materials = Materials(
+        face_materials=np.zeros(mesh.n_faces, np.int32),
+        materials=(
+            MeshMaterial(name="a", channels={"base-color": ChannelSource((1.0,) * 3, image)}),
+        ),
+    )
+    write_glb(mesh, tmp_path / "plane.glb", materials=materials)
+    options = replace(OPTIONS, n_faces=8, uvs=uvs, size=64, padding=1)
+    done = lighten_file(tmp_path / "plane.glb", tmp_path / "light.glb", options)
+    assert done.report.baked is not None
+    assert not any("normal" in name for name in done.report.images)
+    (primitive,) = read_glb(tmp_path / "light.glb")[0]["meshes"][0]["primitives"]
+    assert "TANGENT" not in primitive["attributes"]
 
 
 def test_parts_that_were_dropped_are_named(tmp_path):

@@ -27,6 +27,7 @@ from texbake.texture.encoding import encode_normals
 from texbake.texture.image_files import encode_image
 
 _MOST_VARIANTS = 8  # that are baked
+_FLAT = 128, 128, 255  # texel of a normal map
 _ANISOTROPY = "KHR_materials_anisotropy"
 _DIFFUSE = "KHR_materials_diffuse_transmission"
 _IRIDESCENCE = "KHR_materials_iridescence"
@@ -166,11 +167,18 @@ class MaterialBaker:
             maps, shown, name, encode=self._keep, threads=self.threads, whole=whole,
             layouts=layouts,
         )  # fmt: skip
+        if "normal" in made and _is_flat(self.pictures[-1].codes):
+            del made["normal"], self.pictures[-1]
         return {**(default or {}), **made}
 
     def _keep(self, name: str, codes: ByteArray, is_color: bool) -> bytes:
         self.pictures.append(Picture(name, codes, is_color, is_normal=name.endswith("_normal")))
         return b""
+
+
+def _is_flat(codes: ByteArray) -> bool:
+    """Whether a normal map changes nothing."""
+    return bool((codes == _FLAT).all())
 
 
 def _carriers(materials: Materials) -> Materials:
@@ -231,8 +239,13 @@ def _differ(one: MeshMaterial, other: MeshMaterial, name: str) -> bool:
 def with_normals_of(
     materials: Materials, normals: Float32Array, name: str, threads: int | None
 ) -> Materials:
-    """Return materials that share a normal map, of (H, W, 3) normals in tangent space."""
+    """Return materials that share a normal map, of (H, W, 3) normals in tangent space.
+
+    They have none if it is flat.
+    """
     codes = encode_normals(normals, bits=8, convention="opengl", threads=threads)
+    if _is_flat(codes):
+        return materials.only(CHANNELS.keys() - {"normal"})
     image = ChannelImage(encode_image(codes, "png", threads=threads), name)
     channel = {"normal": ChannelSource((1.0, 1.0, 1.0), image)}
     items = (replace(each, channels={**each.channels, **channel}) for each in materials.materials)

@@ -14,10 +14,9 @@ from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import field
 from typing import NamedTuple
 
-from texbake.jobs.light_images import Picture, coded_pictures, decoded, finest_file, squared_errors
+from texbake.jobs.light_images import Picture, coded_pictures, decoded, smaller_file, squared_errors
 from texbake.mesh.mesh import ByteArray
 from texbake.records import dataclass
-from texbake.texture.image_files import encode_image
 
 _QUALITIES = (15, 35, 60, 75, 85, 90)
 _LEAST_SIDE, _MOST_SIDES, _EXACT_SIDES = 64, 4, 2
@@ -129,8 +128,7 @@ class Codings:
         key = _identity(picture), side, quality
         if key not in self._known:
             codes = picture.at_side(side)
-            encode = finest_file if quality == _QUALITIES[-1] else encode_image
-            data = encode(codes, self.encoding, quality=quality, is_color=picture.is_color)
+            data = smaller_file(codes, self.encoding, quality=quality, is_color=picture.is_color)
             made = decoded(data, codes.shape[2])
             error = _weight(picture) * _squared(made, codes, picture.is_cut)
             self._known[key] = _Coding(side, quality, len(data), error, data)

@@ -1,9 +1,11 @@
 """Images of a lightened model, each encoded at a side and a quality of its own.
 
 Without a quality, an image gets the lowest one that leaves 40 dB in its colors and in its alpha
-each, and a file that is smaller than the new one stays as it is. The highest quality is lossless
-where that takes fewer bytes. A color counts by its alpha in images whose alpha is that of every
-material that shows them.
+each, and a file that is smaller than the new one stays as it is. A color counts by its alpha in
+images whose alpha is that of every material that shows them. A normal map gets the lowest quality
+that hardly turns its normals: reflections turn twice as far. WebP halves the resolution of chroma,
+in which normals have as much detail as in luma; JPEG in 4:4:4 follows where that is too coarse. An
+image is lossless where that takes fewer bytes, or not many more and no quality is close to it.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from texbake.core import core
 from texbake.errors import require_library
 from texbake.mesh.files.conversion import media_type
 from texbake.mesh.materials import CHANNELS, ChannelImage, Materials
-from texbake.mesh.mesh import ByteArray, Float32Array
+from texbake.mesh.mesh import ByteArray, Float32Array, IntArray
 from texbake.parallel import run_bands
 from texbake.records import dataclass
 from texbake.rendering.compare_models import psnr_db
@@ -35,6 +37,15 @@ LEAST_DB = 40.0
 # tests changed by more between neighbors of the search.
 _SURE_DB = 5.0
 _QUALITIES = (30, 45, 60, 70, 80, 85, 90)
+_JPEG_QUALITIES = (85, 90, 93, 95, 97, 98)  # of normal maps, in 4:4:4
+# The cosine of 1.5 degrees, and squares of 2 x 2 texels whose mean normal may turn farther, as a
+# share of all: renderers show no single texels, but means of four or more. Shorter means have no
+# direction.
+_LEAST_COSINE, _MOST_TURNED, _LEAST_LENGTH = 0.999657, 0.01, 0.5
+_BAND = 64  # rows
+# Bytes of a lossless image over those of the highest quality if that is not close; photographs
+# take more.
+_MOST_OF_LOSSY = 2.5
 # Media types that programs read where they read the encoding.
 _READ_WITH = {
     "webp": ("image/webp", "image/jpeg", "image/png"),
@@ -115,42 +126,84 @@ def decoded(data: bytes, n_components: int) -> ByteArray:
         return np.asarray(opened.convert("RGBA" if n_components == 4 else "RGB"), np.uint8)
 
 
+def turned_share(one: ByteArray, other: ByteArray) -> float:
+    """Share of squares of 2 x 2 texels whose mean normal differs by over 1.5 degrees."""
+    squares = [0, 0]
+    for start in range(0, len(other), _BAND):
+        a, b = (_of_squares(each[start : start + _BAND, :, :3]) for each in (one, other))
+        dots, lengths_a, lengths_b = ((x * y).sum(axis=-1) for x, y in ((a, b), (a, a), (b, b)))
+        has_direction = lengths_b >= (4 * _LEAST_LENGTH * 255) ** 2
+        is_turned = dots < _LEAST_COSINE * np.sqrt(lengths_a.astype(np.float64) * lengths_b)
+        squares[0] += dots.size
+        squares[1] += int((has_direction & is_turned).sum())
+    return squares[1] / squares[0]
+
+
+def _of_squares(codes: ByteArray) -> IntArray:
+    """(h / 2, w / 2, 3) sums of the normals in squares of 2 x 2 texels."""
+    values = 2 * codes.astype(np.int32) - 255
+    for axis in (0, 1):
+        values = np.add.reduceat(values, range(0, values.shape[axis], 2), axis=axis)
+    return values
+
+
 def coded(picture: Picture, encoding: str, *, quality: int | None, side: int) -> bytes:
-    """Bytes of a picture at a side; of the lowest quality that leaves 40 dB if there is none."""
+    """Bytes of a picture at a side; of the lowest quality that is close to it if there is none."""
     codes = picture.at_side(side)
-
-    def encode(chosen: int) -> bytes:
-        if quality is None and chosen == _QUALITIES[-1]:
-            return finest_file(codes, encoding, quality=chosen, is_color=picture.is_color)
-        return encode_image(codes, encoding, quality=chosen, is_color=picture.is_color)
-
     if quality is not None or encoding_of(codes, encoding) == "png":
-        data = encode(_QUALITIES[-1] if quality is None else quality)
+        data = smaller_file(
+            codes, encoding, quality=quality or _QUALITIES[-1], is_color=picture.is_color
+        )
     else:
-        data = _of_least_quality(codes, encode, picture.is_cut)
+        data = _of_least_quality(picture, codes, encoding)
     is_kept = side >= picture.side and media_type(picture.file) in _READ_WITH[encoding]
     return picture.file if is_kept and len(picture.file) <= len(data) else data
 
 
-def finest_file(codes: ByteArray, encoding: str, *, quality: int, is_color: bool) -> bytes:
-    """Bytes of an image file of a high quality; of a lossless one where that has fewer."""
+def smaller_file(
+    codes: ByteArray, encoding: str, *, quality: int, is_color: bool, most: float = 1.0
+) -> bytes:
+    """Bytes of an image file of a quality; of a lossless one with less than `most` times those."""
     data = encode_image(codes, encoding, quality=quality, is_color=is_color)
-    lossless = lossless_webp(codes, len(data)) if encoding == "webp" else None
-    return data if lossless is None else lossless
+    return _lossless_or(data, codes, encoding, most)
 
 
-def _of_least_quality(codes: ByteArray, encode: Callable[[int], bytes], is_cut: bool) -> bytes:
-    first, last = 0, len(_QUALITIES) - 1
+def _of_least_quality(picture: Picture, codes: ByteArray, encoding: str) -> bytes:
+    qualities = (*_QUALITIES, *(_JPEG_QUALITIES if picture.is_normal else ()))
+    first, last = 0, len(qualities) - 1
     found: dict[int, bytes] = {}
+
+    def encode(i: int) -> bytes:
+        form = "jpeg" if i >= len(_QUALITIES) else encoding
+        return encode_image(codes, form, quality=qualities[i], is_color=picture.is_color)
+
     while first < last:
         middle = (first + last) // 2
-        found[middle] = encode(_QUALITIES[middle])
-        db = psnr(decoded(found[middle], codes.shape[2]), codes, is_cut=is_cut)
-        if db >= LEAST_DB:
-            last = middle if db < LEAST_DB + _SURE_DB else (first + middle) // 2
+        found[middle] = encode(middle)
+        surplus = _surplus(picture, codes, found[middle])
+        if surplus >= 0.0:
+            last = middle if surplus < _SURE_DB else (first + middle) // 2
         else:
-            first = middle + 1 if db >= LEAST_DB - _SURE_DB else last
-    return found[last] if last in found else encode(_QUALITIES[last])
+            first = middle + 1 if surplus >= -_SURE_DB else last
+    data = found[last] if last in found else encode(last)
+    is_close = last < len(qualities) - 1 or _surplus(picture, codes, data) >= 0.0
+    return _lossless_or(data, codes, encoding, 1.0 if is_close else _MOST_OF_LOSSY)
+
+
+def _surplus(picture: Picture, codes: ByteArray, data: bytes) -> float:
+    """Surplus in dB of the file of a picture; of a normal map, only its sign counts."""
+    made = decoded(data, codes.shape[2])
+    if picture.is_normal and turned_share(made, codes) > _MOST_TURNED:
+        return -1.0
+    if picture.is_normal:
+        return 0.0
+    return psnr(made, codes, is_cut=picture.is_cut) - LEAST_DB
+
+
+def _lossless_or(data: bytes, codes: ByteArray, encoding: str, most: float) -> bytes:
+    """Return a lossless WebP file with less than `most` times the bytes of another, or that."""
+    lossless = lossless_webp(codes, int(most * len(data))) if encoding == "webp" else None
+    return data if lossless is None else lossless
 
 
 def pictures_of(

@@ -126,11 +126,11 @@ class Source:
             mesh = mesh.replace(face_groups=None, group_names=(), group_objects=())
         if rig is not None and (options.join or not rig.fits(mesh)):
             rig = None
+        # Programs that compute other tangents would shade the baked normal map differently.
+        is_baked = light_model.baked is not None and any(materials.sources("normal"))
         write_glb(
-            mesh, path, materials=materials, rig=rig,
-            compress=options.compress, quantize=options.quantize,
-            # Programs that compute other tangents would shade the baked normal map differently.
-            tangents=self.mesh.tangents is not None or light_model.baked is not None,
+            mesh, path, materials=materials, rig=rig, compress=options.compress,
+            quantize=options.quantize, tangents=is_baked or self.mesh.tangents is not None,
             is_coarse=light_model.simplified is not None,
         )  # fmt: skip
         return rig
