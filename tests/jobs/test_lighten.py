@@ -14,7 +14,7 @@ from tests.character import character, posed
 from tests.glb import GltfFile, read_glb
 from tests.models import sponge
 from texbake.errors import MeshError, OptionError, ReadWarning, UnwrapError, UvError, heard_warnings
-from texbake.jobs import light_models
+from texbake.jobs import light_models, lighten_options
 from texbake.jobs.fitting_atlas import unwrap_to_fit
 from texbake.jobs.light_budget import Budget, Trial
 from texbake.jobs.light_codings import Codings
@@ -768,6 +768,21 @@ def test_no_part_is_dropped_where_coordinates_stay(tmp_path):
     kept = whole.lightened(200, is_trial=True)
     assert face_components(kept.mesh.faces, kept.mesh.n_vertices)[1] == 60
     assert [material.name for material in kept.materials.materials] == ["a"]
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_mesh_stays_whose_topology_does_not_allow_the_default_number(
+    tmp_path, monkeypatch, share
+):
+    monkeypatch.setattr(lighten_options, "LEAST_FACES", 10)
+    monkeypatch.setattr(lighten_options, "SHARE", share)
+    mesh = sponge(2)
+    write_glb(mesh, tmp_path / "sponge.glb")
+    options = LightenOptions(views=0, size=512, samples=1, padding=0, quality="fast")
+    done = lighten_file(tmp_path / "sponge.glb", tmp_path / "light.glb", options)
+    assert (done.report.n_faces == mesh.n_faces) == (share == 0.1)
+    assert (done.report.simplified is None) == (share == 0.1)
+    assert any("triangles stay" in line for line in done.warnings) == (share == 0.1)
 
 
 @pytest.mark.parametrize("uvs", ["keep", "new"])

@@ -42,6 +42,8 @@ from texbake.texture.model_materials import model_materials
 
 # Parts of a model, each drawn by itself: 12 large views of as many take about ten seconds.
 _MOST_PARTS = 1000
+# Triangles over the default number, and over all, above which the mesh stays.
+_MOST_OF_DEFAULT, _MOST_OF_ALL = 2.0, 0.3
 _NOT_COMPARED = (
     f"it has more than {_MOST_PARTS:,} parts, so its pictures are not compared with those of the "
     "result; use `html` to compare them anyway"
@@ -248,10 +250,25 @@ def _lightened(
     elif options.min_psnr is not None:
         trial = Budget(model, whole, output).reaching(options.min_psnr)
     else:
-        light_model = whole.lightened(whole.n_faces)
+        light_model = _of_count(whole)
         with whole.stages.part("encode images"):
             return light_model, _coded(light_model, options), None
     return trial.light_model, trial.materials, trial.comparison if options.views else None
+
+
+def _of_count(whole: Source) -> LightModel:
+    """Return the model with as many triangles as asked for; with all if the default is too few."""
+    made = whole.lightened(whole.n_faces)
+    options, n, mesh = whole.options, whole.n_faces, whole.mesh
+    if options.n_faces is not None or options.remesh != "never" or made.simplified is None:
+        return made
+    least = made.simplified.n_faces
+    if least <= max(_MOST_OF_DEFAULT * n, _MOST_OF_ALL * mesh.n_faces):
+        return made
+    whole_model = whole.lightened(mesh.n_faces)
+    why = f"the topology allows no fewer than {least:,}; `remesh` may allow {n:,}"
+    note = f"{mesh.name}: all {mesh.n_faces:,} triangles stay, because {why}"
+    return replace(whole_model, warnings=(*whole_model.warnings, note))
 
 
 def _coded(light_model: LightModel, options: LightenOptions) -> Materials:
