@@ -38,7 +38,7 @@ LEAST_DB = 40.0
 _SURE_DB = 5.0
 _QUALITIES = (30, 45, 60, 70, 80, 85, 90)
 _JPEG_QUALITIES = (85, 90, 93, 95, 97, 98)  # of normal maps, in 4:4:4
-# The cosine of 1.5 degrees, and squares of 2 x 2 texels whose mean normal may turn farther, as a
+# The cosine of 1.5 degrees, and squares of 4 x 4 texels whose mean normal may turn farther, as a
 # share of all: renderers show no single texels, but means of four or more. Shorter means have no
 # direction.
 _LEAST_COSINE, _MOST_TURNED, _LEAST_LENGTH = 0.999657, 0.01, 0.5
@@ -127,12 +127,12 @@ def decoded(data: bytes, n_components: int) -> ByteArray:
 
 
 def turned_share(one: ByteArray, other: ByteArray) -> float:
-    """Share of squares of 2 x 2 texels whose mean normal differs by over 1.5 degrees."""
+    """Share of squares of 4 x 4 texels whose mean normal differs by over 1.5 degrees."""
     squares = [0, 0]
     for start in range(0, len(other), _BAND):
         a, b = (_of_squares(each[start : start + _BAND, :, :3]) for each in (one, other))
         dots, lengths_a, lengths_b = ((x * y).sum(axis=-1) for x, y in ((a, b), (a, a), (b, b)))
-        has_direction = lengths_b >= (4 * _LEAST_LENGTH * 255) ** 2
+        has_direction = lengths_b >= (16 * _LEAST_LENGTH * 255) ** 2
         is_turned = dots < _LEAST_COSINE * np.sqrt(lengths_a.astype(np.float64) * lengths_b)
         squares[0] += dots.size
         squares[1] += int((has_direction & is_turned).sum())
@@ -140,10 +140,10 @@ def turned_share(one: ByteArray, other: ByteArray) -> float:
 
 
 def _of_squares(codes: ByteArray) -> IntArray:
-    """(h / 2, w / 2, 3) sums of the normals in squares of 2 x 2 texels."""
+    """(h / 4, w / 4, 3) sums of the normals in squares of 4 x 4 texels."""
     values = 2 * codes.astype(np.int32) - 255
     for axis in (0, 1):
-        values = np.add.reduceat(values, range(0, values.shape[axis], 2), axis=axis)
+        values = np.add.reduceat(values, range(0, values.shape[axis], 4), axis=axis)
     return values
 
 
