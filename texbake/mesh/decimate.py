@@ -217,8 +217,9 @@ def weld_corners(
 
 def _mirrored(mesh: Mesh) -> BoolArray:
     """(F,) faces that are mirrored in the texture, if these and the others cover much of it."""
-    (ux, uy), (vx, vy) = np.diff(mesh.corner_uvs(), axis=1).transpose(1, 2, 0)
-    areas = ux * vy - uy * vx
+    uvs = mesh.corner_uvs()
+    sides = np.diff(uvs / (np.abs(uvs).max() or 1.0), axis=1)  # of any size without overflow
+    areas = sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]
     share = -float(areas[areas < 0.0].sum()) / (float(np.abs(areas).sum()) or 1.0)
     return np.asarray(areas < 0.0) & (_MIRRORED_SHARE <= share <= 1.0 - _MIRRORED_SHARE)
 
@@ -396,5 +397,4 @@ def _rows_of_vertices(
 
 def with_three_places(stream: VertexStream, faces: IntArray) -> IntArray:
     """Those of some faces whose corners lie at three places, as a copy."""
-    places = stream.position_ids[faces] if stream.has_seams else faces
-    return faces[~repeated_vertices(places)]
+    return faces[~repeated_vertices(stream.position_ids[faces] if stream.has_seams else faces)]
