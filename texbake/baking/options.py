@@ -316,7 +316,7 @@ class BakeOptions(SecondaryOptions, TextureOptions):
         return memory_left(self.max_memory, needed)
 
     def colors_misread(self, mesh_name: str) -> str:
-        """`linear` or `srgb` if a mesh, which is called as its file, was read as the other one."""
+        """`linear` or `srgb` if colors are that, but were read as the other, by the file's name."""
         read_as = "srgb" if mesh_name.lower().endswith(_SRGB_FILES) else "linear"
         return "" if self.vertex_colors in ("auto", read_as) else self.vertex_colors
 

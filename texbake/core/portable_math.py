@@ -228,6 +228,13 @@ def decode_srgb(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, power((values + 0.055) / 1.055, 2.4))
 
 
+def encode_srgb(light: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Convert linear values to sRGB values; the inverse of `decode_srgb`."""
+    light = np.asarray(light, np.float64)
+    bent = 1.055 * power(np.maximum(light, 0.0031308), 1.0 / 2.4) - 0.055
+    return np.where(light <= 0.0031308, light * 12.92, bent)
+
+
 def _listed(values: Array, n_axes: int) -> npt.NDArray[np.float64]:
     """Contiguous float64, with all axes but the last `n_axes` joined into one."""
     kept = values.shape[values.ndim - n_axes :]

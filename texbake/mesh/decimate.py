@@ -192,7 +192,7 @@ def weld_corners(
     places = firsts[mesh.faces]
     columns, is_smooth = {}, False
     if mesh.uvs is not None:
-        # The lowest bit tells the sides of a mirror line apart, which share their coordinates.
+        # The lowest bit tells the two sides of a mirror line apart: their coordinates are equal.
         uv_ids = weld_rows(mesh.uvs, threads=threads)[mesh.uv_faces]
         columns["uv_ids"] = 2 * uv_ids + _mirrored(mesh)[:, None].astype(np.int32)
     if mesh.normals is not None:

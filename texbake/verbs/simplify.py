@@ -259,7 +259,7 @@ def _level(
         check_count(figures.n_faces, count, high.name, remedy)
     notes = (*figures.notes, *layout_notes(low, high, threads=threads))
     figures = replace(figures, notes=notes)
-    if options.normals == "keep" and low.normals is None and has_hard_edges(given):
+    if options.normals == "keep" and low.normals is None and has_hard_edges(given, threads=threads):
         low = with_source_hard_edges(low, given, threads=threads)
     low = with_normals(low, options.normals, angle=options.angle)
     if repeated is not None:

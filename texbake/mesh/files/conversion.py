@@ -100,7 +100,7 @@ def _count(is_bad: BoolArray) -> str:
 
 
 def unit_colors(path: PathLike, colors: FloatArray) -> Float32Array:
-    """Linear colors of sRGB ones, of up to 255 if whole and one is above 1; white if not finite."""
+    """Linear colors of sRGB ones, up to 255 if all are whole and one is above 1; white for NaN."""
     known = colors[~rows_not_finite(colors)]
     if known.max(initial=0.0) > 1.0 and (known == np.round(known)).all():
         colors = colors / 255.0
@@ -120,11 +120,7 @@ def linear_colors(colors: AnyArray) -> Float32Array:
 
 def srgb_colors(colors: Float32Array) -> FloatArray:
     """Colors (V, 3), or (V, 4) with alpha, float64, in sRGB, of linear ones."""
-    coded = colors.astype(np.float64)
-    light = coded[:, :3]
-    bent = 1.055 * pm.power(np.maximum(light, 0.0031308), 1.0 / 2.4) - 0.055
-    coded[:, :3] = np.where(light <= 0.0031308, light * 12.92, bent)
-    return coded
+    return np.concatenate([pm.encode_srgb(colors[:, :3]), colors[:, 3:]], axis=1)
 
 
 def srgb_bytes(colors: Float32Array) -> ByteArray:

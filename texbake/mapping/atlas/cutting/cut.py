@@ -190,7 +190,7 @@ def _around_strips(
 
 
 def _typical_share(areas: FloatArray, opposite: IntArray) -> float:
-    """Share of the area in the part of a typical point: 1 of one part, 1/n of n equal ones."""
+    """Share of the area of the part that a random point lies in, on average: 1/n for n alike."""
     parts = np.bincount(connected_parts(opposite), areas)
     return float((parts**2).sum() / max(float(parts.sum()) ** 2, np.finfo(float).tiny))
 
